@@ -65,7 +65,7 @@ def beam_frame(count: int) -> Frame:
     state.translation[:] = sizes[:, None] * model.topology.translation_reference
     names = model.topology.translation_names
     dofs = (names.index("T.x"), names.index("T.y"), _rotation(model.topology))
-    return Frame(model, coefficients, state, tuple(int(model.exact.place[dof]) for dof in dofs))
+    return Frame(model, coefficients, state, tuple(int(model.exact.unknown_of[dof]) for dof in dofs))
 
 
 def _rotation(topology: Any) -> int:

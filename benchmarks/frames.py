@@ -108,7 +108,7 @@ def planar_frame(count: int) -> Frame:
     state = unloaded(model, coefficients, count)
     for axis, name in enumerate(("T.x", "T.y")):
         state.translation[:, names.index(name)] = tops[:, axis]
-    read = tuple(int(model.exact.place[names.index(name)]) for name in ("T.x", "T.y"))
+    read = tuple(int(model.exact.unknown_of[names.index(name)]) for name in ("T.x", "T.y"))
     return Frame(model, coefficients, state, read)
 
 
@@ -138,7 +138,7 @@ def spatial_frame(count: int) -> Frame:
     first = model.topology.translation_names.index("T.x")
     turn = int(model.topology.rotation_dofs[model.topology.rotations.names.index("T")])
     dofs = (first, first + 1, first + 2, turn, turn + 1, turn + 2)
-    return Frame(model, coefficients, state, tuple(int(model.exact.place[dof]) for dof in dofs))
+    return Frame(model, coefficients, state, tuple(int(model.exact.unknown_of[dof]) for dof in dofs))
 
 
 def coefficients_at(model: Model, values: Array) -> Array:

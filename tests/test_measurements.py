@@ -107,7 +107,7 @@ def test_everything_in_si(triglide: Machine, read: Callable[..., Measurements]) 
     assert found.labels == {"id": ("p1", "p2")}
     assert (found.sessions, found.files, found.ids) == (("s1",), ("s1.csv",), ("p1", "p2"))
     assert found.line.tolist() == [2, 3]
-    assert found.place(1) == "s1.csv:3 (p2)"
+    assert found.row_origin(1) == "s1.csv:3 (p2)"
     assert found.has_actuators and found.measured.any()
     assert found.notes == (
         "s1.csv: columns not used: `n`",
@@ -249,7 +249,7 @@ def test_take_and_concatenate(triglide: Machine, read: Callable[..., Measurement
     some = found.take([4, 0, 6])
     assert some.ids == ("p4", "p0", "")
     np.testing.assert_allclose(some.actuators[:, 0], [0.004, 0, 0.001])
-    assert some.place(0) == "s1.csv:6 (p4)"
+    assert some.row_origin(0) == "s1.csv:6 (p4)"
     assert some.session.tolist() == [0, 0, 1]
     assert len(found.take(found.session == 1)) == 1
     assert len(found.take([])) == 0

@@ -13,7 +13,7 @@ import pandas as pd
 from pkmcal_cli.base.listener import Record
 from pkmcal_cli.base.stages import Stage, unobserved
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis as SearchOutcome
-from pkmcal_cli.loading.poses import place_of
+from pkmcal_cli.loading.poses import origin_of
 from pkmcal_cli.pictures.picture import Picture
 from pkmcal_cli.report.diagnosis import DiagnosisReport
 from pkmcal_cli.report.loads import Loads
@@ -121,5 +121,5 @@ def diagnose(
         case = prepare(request, record, machine=known.receptive)
         diagnosis = diagnosed(case, alpha, whole("seed", seed), record)
         report = DiagnosisReport(case.loaded.machine, case.measured, diagnosis)
-        Loads.of_fit(diagnosis.search.problem, diagnosis.search.fit, partial(place_of, case.measured)).show(record)
+        Loads.of_fit(diagnosis.search.problem, diagnosis.search.fit, partial(origin_of, case.measured)).show(record)
     return Diagnosis(machine=known, case=case, report=report, **messages_of(record))

@@ -15,7 +15,7 @@ from pkmcal_cli.base.files import AtHand
 from pkmcal_cli.base.listener import Record
 from pkmcal_cli.base.outputs import write_together
 from pkmcal_cli.base.stages import Stage, unobserved
-from pkmcal_cli.loading.poses import place_of
+from pkmcal_cli.loading.poses import origin_of
 from pkmcal_cli.pictures.picture import Picture
 from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.report.parameters import parameter_unit
@@ -177,7 +177,7 @@ def improve(
         made = improved.report.improvement
         if made.broken is not None:
             raise made.broken
-        Loads.of_fit(made.problem, made.fit, partial(place_of, prepared.measured)).show(record)
+        Loads.of_fit(made.problem, made.fit, partial(origin_of, prepared.measured)).show(record)
     for reason in improved.odd[len(prepared.hints) :]:
         record.warn(f"implausible: {reason}")
     inputs = prepared.inputs | ({} if rows is None else rows.inputs)

@@ -68,7 +68,7 @@ class Simulation(Result):
     @property
     def failed(self) -> pd.DataFrame:
         """Rows without a solution: line, id, reason. Of points of a grid, only those that were told one by one."""
-        rows = [(place.line, place.id, reason) for place, reason in self.done.tally.failed]
+        rows = [(row_origin.line, row_origin.id, reason) for row_origin, reason in self.done.tally.failed]
         return pd.DataFrame(rows, columns=["line", "id", "reason"])
 
     def json(self) -> dict[str, Any]:

@@ -34,8 +34,8 @@ class Location:
 
     def __str__(self) -> str:
         file = in_line(self.file)
-        place = f"{file}:{self.line}" if self.line else file
-        return f"{place}:{self.column}" if self.column else place
+        location = f"{file}:{self.line}" if self.line else file
+        return f"{location}:{self.column}" if self.column else location
 
 
 @dataclass(frozen=True)

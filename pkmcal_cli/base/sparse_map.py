@@ -72,10 +72,10 @@ class SparseMap:
         parts = self.factor[:, None] * x[self.source]  # (nnz, N)
         if rows not in self._places:
             self._places[rows] = (self.target[:, None] * rows + np.arange(rows)).ravel()
-        place = self._places[rows]
-        image = np.bincount(place, parts.real.ravel(), self.height * rows)
+        image_row = self._places[rows]
+        image = np.bincount(image_row, parts.real.ravel(), self.height * rows)
         if np.iscomplexobj(parts):
-            image = image + 1j * np.bincount(place, parts.imag.ravel(), self.height * rows)
+            image = image + 1j * np.bincount(image_row, parts.imag.ravel(), self.height * rows)
         return np.asarray(image.reshape(self.height, rows), dtype=parts.dtype)
 
 

@@ -63,7 +63,7 @@ class Common:
         return np.concatenate([s.right for s in self.sets])
 
     @cached_property
-    def place(self) -> NDArray[np.intp]:
+    def set_of(self) -> NDArray[np.intp]:
         """Number (m,) of the set of each equation."""
         return np.repeat(np.arange(len(self.sets)), [len(s.right) for s in self.sets])
 
@@ -130,14 +130,14 @@ def _contrasts(c: Common) -> Array:
     free = u[:, int((s > _SEEN).sum()) :]
     if not free.shape[1]:
         return free
-    by_change = np.hstack([(free * (c.place == k)[:, None]).T @ c.matrix for k in range(len(c.sets))])
+    by_change = np.hstack([(free * (c.set_of == k)[:, None]).T @ c.matrix for k in range(len(c.sets))])
     basis, size, _ = np.linalg.svd(by_change, full_matrices=False)
     return np.asarray(free @ basis[:, size > _WORTH])
 
 
 def _freedom(c: Common, share: Array) -> float:
     """Degrees of freedom of the noise of a sum to which equations contribute shares (m,) (Satterthwaite)."""
-    of_set = np.array([share[c.place == k].sum() for k in range(len(c.sets))])
+    of_set = np.array([share[c.set_of == k].sum() for k in range(len(c.sets))])
     worth = np.array([max(s.freedom, 1e-9) for s in c.sets])
     return float(1.0 / max(((of_set / of_set.sum()) ** 2 / worth).sum(), 1e-12))
 
@@ -167,7 +167,7 @@ class Changes:
 def changes(c: Common, moved: Sequence[str], times: Sequence[float], freedom: float) -> Changes:
     """How the parameters `moved` change with time (n,), one value for each set; others are the same in all."""
     where = [c.names.index(n) for n in moved]
-    moving = c.matrix[:, where] * np.array(times)[c.place][:, None]
+    moving = c.matrix[:, where] * np.array(times)[c.set_of][:, None]
     design, q, k = np.hstack([c.matrix, moving]), len(c.names), len(where)
     known = np.ones(q)
     known[where] = 1.0 / _FREE
@@ -233,7 +233,7 @@ class Alone(Single):
 
 def alone(c: Common, contrasts: Array, test: Omnibus, times: Sequence[float]) -> Alone | None:
     """Of all common parameters; None where no contrast sees any of them."""
-    seen = contrasts.T @ (c.matrix * np.array(times)[c.place][:, None])  # (d, q)
+    seen = contrasts.T @ (c.matrix * np.array(times)[c.set_of][:, None])  # (d, q)
     size, pulled = (seen**2).sum(axis=0), seen.T @ (contrasts.T @ c.right)
     good = size > _WORTH**2
     if not good.any():

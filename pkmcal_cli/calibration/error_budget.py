@@ -181,7 +181,7 @@ def _evidence(
     problem: Problem, fit: Fit, groups: _Instruments, jacobian: Array, residual: Array, index: list[int]
 ) -> Evidence:
     """What each instrument says: whitened residual (n,) and Jacobian (n, q) in half ranges, of parameters `index`."""
-    rows = [np.nonzero(groups.place == k)[0] for k in range(len(groups.names))]
+    rows = [np.nonzero(groups.group_of == k)[0] for k in range(len(groups.names))]
     parts = [(jacobian[r], residual[r]) for r in rows]
     parameters = [problem.model.parameters[k] for k in index]
     offsets = 2.0 * (fit.values - problem.model.nominal)[index] / problem.model.ranges[index]
@@ -214,7 +214,7 @@ class _Instruments:
     """Instruments that measured; whose each whitened residual (n,) is, -1 for what is no reading; equations (G,)."""
 
     names: tuple[str, ...]
-    place: NDArray[np.intp]
+    group_of: NDArray[np.intp]
     counts: Array
     freedom: Array
 
@@ -232,5 +232,5 @@ def _instruments(problem: Problem, channel: NDArray[np.intp]) -> _Instruments:
     of_channel = [names.index(channels[k].instrument) if k in used else -1 for k in range(len(channels))]
     counts = [sum(int(problem.measured[:, k].sum()) for k in used if of_channel[k] == g) for g in range(len(names))]
     worth = {channels[k].instrument: WORTH[channels[k].sigma_is] for k in used}
-    place = np.array([*of_channel, -1], dtype=np.intp)[channel]
-    return _Instruments(names, place, np.array(counts), np.array([min(worth[n], common) for n in names]))
+    group_of = np.array([*of_channel, -1], dtype=np.intp)[channel]
+    return _Instruments(names, group_of, np.array(counts), np.array([min(worth[n], common) for n in names]))

@@ -61,7 +61,7 @@ def _pose(model: Model, effect: PlacedEffect, predicted: Array, readings: Array)
 
 def _places(sensor: PlacedSensor, axes: int, predicted: Array, readings: Array) -> tuple[Array, Array]:
     """Places (n, d) where a point is predicted and where it was measured, in the rows that have all coordinates."""
-    channels = [channel for channel, _ in sorted(sensor.places, key=lambda place: place[1])]
+    channels = [channel for channel, _ in sorted(sensor.places, key=lambda pair: pair[1])]
     if len(channels) < axes:
         return np.zeros((0, axes)), np.zeros((0, axes))
     known = np.isfinite(readings[:, channels]).all(axis=1) & np.isfinite(predicted[:, channels]).all(axis=1)

@@ -72,11 +72,11 @@ def replicate_groups(problem: Problem) -> NDArray[np.intp]:
 def _cells(problem: Problem) -> NDArray[np.intp]:
     """Cells of a regular partition of the measured (else commanded) space, (N,)."""
     columns = problem.model.measuring(Measurand.POSITION)
-    place = problem.readings[:, columns]
-    if not columns or np.isnan(place).any():
-        place = problem.rows.readings[:, ~np.isnan(problem.rows.readings).any(axis=0)]
-    low, spread = place.min(axis=0), np.ptp(place, axis=0)
-    bins = np.minimum((place - low) / np.where(spread > 0, spread, 1.0) * _CELLS, _CELLS - 1).astype(np.int64)
+    coordinates = problem.readings[:, columns]
+    if not columns or np.isnan(coordinates).any():
+        coordinates = problem.rows.readings[:, ~np.isnan(problem.rows.readings).any(axis=0)]
+    low, spread = coordinates.min(axis=0), np.ptp(coordinates, axis=0)
+    bins = np.minimum((coordinates - low) / np.where(spread > 0, spread, 1.0) * _CELLS, _CELLS - 1).astype(np.int64)
     return np.unique(bins, axis=0, return_inverse=True)[1].ravel().astype(np.intp)
 
 

@@ -76,8 +76,8 @@ def profile_intervals(
         fit = identify(with_prior, fit.selected, fit.values, shift=fit.shift, states=fit.last.start)
     profile = _Profile(with_prior, fit, condensed(with_prior, fit.last).chi2, std, wider)
     ends = workers.results(profile, len(fit.selected), "profile of parameter", observe)
-    for k, place in enumerate(index):
-        low_high[k] = np.clip(ends[k], *problem.model.parameters[place].bounds)
+    for k, column in enumerate(index):
+        low_high[k] = np.clip(ends[k], *problem.model.parameters[column].bounds)
     lost = [
         n for n, ends, s in zip(fit.selected, low_high, std, strict=True) if np.isfinite(s) and np.isnan(ends).any()
     ]
@@ -106,18 +106,18 @@ class _Profile:
 def _cross(problem: Problem, fit: Fit, name: str, std: float, best: float, wider: float) -> float:
     """Where the signed root of the growth of chi-square is 1.96 (times `wider`), by the secant rule; nan if nowhere."""
     others = tuple(n for n in fit.selected if n != name)
-    place = problem.model.names.index(name)
+    column = problem.model.names.index(name)
     aim = COVER * wider
     start, step, before = fit.values, COVER * std, (0.0, 0.0)
     for _ in range(_TRIALS):
         values = start.copy()
-        values[place] = fit.values[place] + step
+        values[column] = fit.values[column] + step
         trial = identify(problem, others, values, shift=fit.shift, states=fit.last.start)
         if trial.status == "not_converged" or trial.failed:
             return float("nan")
         grown = float(np.sqrt(max(trial.chi2 - best, 0.0)))
         if abs(grown - aim) < _NEAR * aim:
-            return float(fit.values[place] + step)
+            return float(fit.values[column] + step)
         slope = (grown - before[1]) / (step - before[0]) if step != before[0] else 0.0
         before, start = (step, grown), trial.values
         if slope == 0.0 or not np.isfinite(slope):

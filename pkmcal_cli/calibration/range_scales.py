@@ -134,18 +134,18 @@ def _order(evidence: Evidence) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 def _drawn(evidence: Evidence, seed: int) -> Scales:
     rng, tamed = np.random.default_rng(seed), evidence.tamed()
-    kinds, place = np.unique(tamed.kinds, return_inverse=True)
-    shape = (_CHAINS, len(place))
+    kinds, kind_of = np.unique(tamed.kinds, return_inverse=True)
+    shape = (_CHAINS, len(kind_of))
     tau2, student_weights = np.ones((_CHAINS, len(kinds))), np.ones(shape)
     noise = np.ones((_CHAINS, len(tamed.counts)))
     drawn: list[tuple[Array, Array, Array]] = []
     for step in range(_STEPS):
-        offsets = _offsets(rng, tamed, tau2[:, place] / student_weights, noise)
-        student_weights = np.where(tamed.estimated, _student_weights(rng, offsets**2 / tau2[:, place]), 1.0)
-        tau2 = _of_kinds(rng, student_weights * offsets**2 * tamed.estimated, place, tamed.estimated, len(kinds))
+        offsets = _offsets(rng, tamed, tau2[:, kind_of] / student_weights, noise)
+        student_weights = np.where(tamed.estimated, _student_weights(rng, offsets**2 / tau2[:, kind_of]), 1.0)
+        tau2 = _of_kinds(rng, student_weights * offsets**2 * tamed.estimated, kind_of, tamed.estimated, len(kinds))
         noise = _of_instruments(rng, tamed, offsets)
         if step >= _WARMING:
-            drawn.append((tau2[:, place] / student_weights, noise, np.sqrt(tau2)))
+            drawn.append((tau2[:, kind_of] / student_weights, noise, np.sqrt(tau2)))
     variances, noises, taus = (np.concatenate(part) for part in zip(*drawn, strict=True))
     return Scales(variances=variances, noise=noises, factors=dict(zip(kinds.tolist(), taus.T, strict=True)))
 
@@ -177,14 +177,14 @@ def _student_weights(rng: np.random.Generator, squares: Array) -> Array:
 
 
 def _of_kinds(
-    rng: np.random.Generator, squares: Array, place: NDArray[np.intp], on: NDArray[np.bool_], kinds: int
+    rng: np.random.Generator, squares: Array, kind_of: NDArray[np.intp], on: NDArray[np.bool_], kinds: int
 ) -> Array:
     """tau^2 (M, K) given weighted squares of offsets (M, q) of kinds `place` (q,); 1 where none is identified."""
     out = np.ones((len(squares), kinds))
     prior = -0.5 * (_LOG_TAU / np.log(_FACTOR)) ** 2
-    for k in np.unique(place[on]):
-        count = int((on & (place == k)).sum())
-        total = squares[:, place == k].sum(axis=1)[:, None]
+    for k in np.unique(kind_of[on]):
+        count = int((on & (kind_of == k)).sum())
+        total = squares[:, kind_of == k].sum(axis=1)[:, None]
         density = (prior - count * _LOG_TAU) - total * _HALF_PRECISION  # (M, grid), its logarithm
         density -= density.max(axis=1, keepdims=True)
         below = np.exp(density, out=density).cumsum(axis=1)

@@ -97,18 +97,18 @@ def _sides(problem: Problem, commanded: Evaluation, channels: list[int]) -> NDAr
 def axis_runs(targets: MeasuredTargets) -> list[AxisRun]:
     """Lines of targets along coordinates with enough approaches from both sides for ISO 230-2."""
     number, first = np.unique(targets.group, return_index=True)
-    place = targets.commanded[first]  # (t, d) of the targets
+    target_pose = targets.commanded[first]  # (t, d) of the targets
     runs = []
     for k, name in enumerate(targets.names):
         others = [j for j in range(len(targets.names)) if j != k]
-        span = max(float(np.ptp(place, axis=0).max()), 1e-12)
-        line = np.zeros(len(place), dtype=np.intp)
+        span = max(float(np.ptp(target_pose, axis=0).max()), 1e-12)
+        line = np.zeros(len(target_pose), dtype=np.intp)
         if others:
-            line = poses_alike(np.vstack([place[:, others], place[:1, others] + span]), _LINE)[:-1]
+            line = poses_alike(np.vstack([target_pose[:, others], target_pose[:1, others] + span]), _LINE)[:-1]
         for one in np.unique(line):
             run = _run(targets, k, number[line == one])
             if run is not None:
-                at = place[line == one][:, others].mean(axis=0)
+                at = target_pose[line == one][:, others].mean(axis=0)
                 runs.append(AxisRun(name, tuple((targets.names[j], float(v)) for j, v in zip(others, at)), run))
     return runs
 

@@ -84,14 +84,14 @@ def _noise(
 
     sigma, spread (n,): stated, without and with errors of the drives.
     """
-    numbers, place, size = np.unique(groups, return_inverse=True, return_counts=True)
-    many = size[place] > 1
+    numbers, group_of, size = np.unique(groups, return_inverse=True, return_counts=True)
+    many = size[group_of] > 1
     freedom = int(many.sum()) - int((size > 1).sum())
     if not freedom:
         return None
-    mean = np.bincount(place, residual) / size
-    deviation = (residual - mean[place])[many]
-    low, high = (_weighed(place[many], residual[many], s[many], len(numbers)) for s in (sigma, spread))
+    mean = np.bincount(group_of, residual) / size
+    deviation = (residual - mean[group_of])[many]
+    low, high = (_weighed(group_of[many], residual[many], s[many], len(numbers)) for s in (sigma, spread))
     p = 2 * min(float(chdtr(freedom, low)), float(chdtrc(freedom, high)))
     std = float(np.sqrt((deviation**2).sum() / freedom))
     return ReplicateNoise(
@@ -105,12 +105,12 @@ def _noise(
     )
 
 
-def _weighed(place: NDArray[np.intp], residual: Array, sigma: Array, count: int) -> float:
+def _weighed(group_of: NDArray[np.intp], residual: Array, sigma: Array, count: int) -> float:
     """Sum of squares about the weighted means of the groups, in standard uncertainties."""
     weight = 1 / sigma**2
-    total = np.bincount(place, weight, count)
-    mean = np.bincount(place, weight * residual, count) / np.where(total > 0, total, 1.0)
-    return float((weight * (residual - mean[place]) ** 2).sum())
+    total = np.bincount(group_of, weight, count)
+    mean = np.bincount(group_of, weight * residual, count) / np.where(total > 0, total, 1.0)
+    return float((weight * (residual - mean[group_of]) ** 2).sum())
 
 
 def _residual(problem: Problem, fit: Fit) -> tuple[Array, Array]:

@@ -59,8 +59,8 @@ class Difference:
 def kinds_of(study: Study, machine: int) -> dict[str, list[int]]:
     """Numbers of a machine's selected parameters, by their dimension."""
     m, out = study.machines[machine], dict[str, list[int]]()
-    for k, place in enumerate(m.index):
-        out.setdefault(parse_unit(m.model.parameters[place].unit or "1").dimension.name, []).append(k)
+    for k, parameter in enumerate(m.index):
+        out.setdefault(parse_unit(m.model.parameters[parameter].unit or "1").dimension.name, []).append(k)
     return out
 
 
@@ -90,10 +90,10 @@ def differences(study: Study, outcomes: Mapping[int, Sequence[Outcome]]) -> tupl
     return tuple(out)
 
 
-def _errors(study: Study, outcomes: Mapping[int, Sequence[Outcome]], machine: int, place: int) -> Array:
+def _errors(study: Study, outcomes: Mapping[int, Sequence[Outcome]], machine: int, parameter: int) -> Array:
     """Absolute errors (n, p + 1) of parameters and tool point in all repetitions of a number of points; nan: failed."""
     width = len(study.machines[machine].selected) + 1
-    numbers = range(place, len(outcomes), len(study.counts))
+    numbers = range(parameter, len(outcomes), len(study.counts))
     rows = [outcomes[number][machine] or [np.nan] * width for number in numbers]
     errors: Array = np.abs(np.array(rows, dtype=float).reshape(-1, width))
     return errors

@@ -155,8 +155,8 @@ def split_motions(
     rows = [_moved(topology, links, system, state, offset_vectors) * unit / length for links in (system.points, *loads)]
     rotated = [r for r in read if topology.rotation_dofs[r] >= 0]
     dofs = [int(topology.rotation_dofs[r]) + k for r in rotated for k in range((0, 3, 1)[topology.rotations.kind[r]])]
-    places = [int(system.place[dof]) for dof in (*dofs, *topology.force_dofs)]
-    rows.append(np.eye(system.unknowns)[[place for place in places if place >= 0]])
+    places = [int(system.unknown_of[dof]) for dof in (*dofs, *topology.force_dofs)]
+    rows.append(np.eye(system.unknowns)[[unknown_of for unknown_of in places if unknown_of >= 0]])
     felt = np.concatenate(rows) @ basis
     _, s, vt = np.linalg.svd(felt)
     loud = int((s > _FELT).sum())

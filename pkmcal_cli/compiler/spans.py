@@ -87,8 +87,8 @@ def _pieces(
     nodes = [ends[0]]
     for k in range(1, beam.pieces):
         label = f"{name}.{first + k}"
-        place = places[0] + (places[1] - places[0]) * k / beam.pieces
-        nodes.append(ConnectionPoint(structure.free_point(label, place), structure.new_rotation(label)))
+        between = places[0] + (places[1] - places[0]) * k / beam.pieces
+        nodes.append(ConnectionPoint(structure.free_point(label, between), structure.new_rotation(label)))
     nodes.append(ends[1])
     return list(pairwise(nodes))
 

@@ -114,9 +114,9 @@ def _tower(x: Array, y: Array, z: Array, reading: Array) -> tuple[float, Array, 
         design = np.stack([-2.0 * v, 2.0 * x, 2.0 * y, np.ones_like(v)], axis=1)
         solution = np.linalg.lstsq(design, v**2 + x**2 + y**2, rcond=None)[0]
         missed = float(np.abs(design @ solution - v**2 - x**2 - y**2).max())
-        k, *place, constant = (float(s) for s in solution)
-        square = constant + k**2 + place[0] ** 2 + place[1] ** 2
-        candidates.append((missed, sign, np.array(place), float(np.sqrt(square)) if square > 0 else np.nan, k))
+        k, *centre, constant = (float(s) for s in solution)
+        square = constant + k**2 + centre[0] ** 2 + centre[1] ** 2
+        candidates.append((missed, sign, np.array(centre), float(np.sqrt(square)) if square > 0 else np.nan, k))
     return min(candidates, key=lambda each: each[0])[1:]
 
 

@@ -177,9 +177,9 @@ class Parser:
                 try:
                     out[row] = convert(cell)
                 except (ValueError, OverflowError):
-                    place = int(sources.numbers[row]), index
-                    flaw = time_flaw(cell, zone, self.names[index], place) if is_time else None
-                    sources.add(flaw or number_flaw(cell, decimal, self.names[index], place))
+                    line_column = int(sources.numbers[row]), index
+                    flaw = time_flaw(cell, zone, self.names[index], line_column) if is_time else None
+                    sources.add(flaw or number_flaw(cell, decimal, self.names[index], line_column))
         return out
 
     def _check_empty(self, cells: Sequence[str], index: int, sources: _Sources) -> None:
@@ -187,8 +187,8 @@ class Parser:
         if "" in cells:
             message = f"empty cell in column `{self.names[index]}`"
             for row in (row for row, cell in enumerate(cells) if not cell):
-                place = int(sources.numbers[row]), index
-                sources.add(Flaw("csv-empty-cell", message, self.column_rules.required[index], *place))
+                line_column = int(sources.numbers[row]), index
+                sources.add(Flaw("csv-empty-cell", message, self.column_rules.required[index], *line_column))
 
     def _check_rule(self, cells: Sequence[str], values: FloatArray, index: int, sources: _Sources) -> None:
         """Report numbers that a column may not have."""

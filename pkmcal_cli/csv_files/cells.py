@@ -67,18 +67,18 @@ def _instant(cell: str) -> datetime | None:
         return None
 
 
-def number_flaw(cell: str, decimal: str, column: str, place: tuple[int, int]) -> Flaw:
+def number_flaw(cell: str, decimal: str, column: str, line_column: tuple[int, int]) -> Flaw:
     """The flaw of a cell that should be a number; `place` is its line and its index in the row."""
     if _INFINITE.fullmatch(cell) or is_number(cell, decimal):
         message = f"`{_short(cell)}` in column `{column}` is not finite"
-        return Flaw("csv-number", message, LEAVE_EMPTY, *place)
+        return Flaw("csv-number", message, LEAVE_EMPTY, *line_column)
     if column == "time":
-        return _seconds_flaw(cell, decimal, place)
+        return _seconds_flaw(cell, decimal, line_column)
     message = f"`{_short(cell)}` in column `{column}` is not a number"
-    return Flaw("csv-number", message, remedy(cell, decimal, column), *place)
+    return Flaw("csv-number", message, remedy(cell, decimal, column), *line_column)
 
 
-def _seconds_flaw(cell: str, decimal: str, place: tuple[int, int]) -> Flaw:
+def _seconds_flaw(cell: str, decimal: str, line_column: tuple[int, int]) -> Flaw:
     """The flaw of a time that is no number in a column whose first time is one."""
     if is_time(cell):
         message = f"`{_short(cell)}` in column `time` is a date, the first row has a number"
@@ -86,16 +86,16 @@ def _seconds_flaw(cell: str, decimal: str, place: tuple[int, int]) -> Flaw:
         message = f"`{_short(cell)}` in column `time`: there is no such date or time"
     else:
         message = f"`{_short(cell)}` in column `time` is neither a number of seconds nor a time in ISO 8601"
-    return Flaw("csv-time", message, remedy(cell, decimal, "time"), *place)
+    return Flaw("csv-time", message, remedy(cell, decimal, "time"), *line_column)
 
 
-def time_flaw(cell: str, zone: bool, column: str, place: tuple[int, int]) -> Flaw:
+def time_flaw(cell: str, zone: bool, column: str, line_column: tuple[int, int]) -> Flaw:
     """The flaw of a cell that should be an ISO 8601 time like the others of its column."""
     if is_time(cell):
         message = f"`{_short(cell)}` in column `{column}` {'lacks the' if zone else 'has an'} offset from UTC"
-        return Flaw("csv-time", message, "write all times of the column with the offset, or all without", *place)
+        return Flaw("csv-time", message, "write all times of the column with the offset, or all without", *line_column)
     hint = 'write times as in the first row, for example "2021-12-16T10:30:00"'
-    return Flaw("csv-time", f"`{_short(cell)}` in column `{column}` is not a time in ISO 8601", hint, *place)
+    return Flaw("csv-time", f"`{_short(cell)}` in column `{column}` is not a time in ISO 8601", hint, *line_column)
 
 
 def width_flaw(cells: Sequence[str], form: Format, line: int) -> Flaw:

@@ -104,32 +104,32 @@ def _bare(problem: Problem) -> list[PlacedEffect]:
 def fitted_shapes(linear: Linear, scale: Scale, kinds: Sequence[ShapeSite]) -> list[FittedShape]:
     """The likeliest shape at each place, best first; the number of places and widths is counted."""
     price = float(np.log(max(len(kinds), 1) * len(_WIDTHS))) + _HYPERPARAMETERS
-    coarse = [(f, place) for place in kinds if (f := _likeliest(linear, scale, place, price)) is not None]
+    coarse = [(f, site) for site in kinds if (f := _likeliest(linear, scale, site, price)) is not None]
     coarse.sort(key=lambda pair: -pair[0].evidence)
     refined = [_refined(linear, scale, *pair, price) for pair in coarse[:_REFINED]]
     return sorted([*refined, *(f for f, _ in coarse[_REFINED:])], key=lambda f: -f.evidence)
 
 
-def _likeliest(linear: Linear, scale: Scale, place: ShapeSite, price: float) -> FittedShape | None:
+def _likeliest(linear: Linear, scale: Scale, site: ShapeSite, price: float) -> FittedShape | None:
     """The shape of most evidence, with even knots."""
-    low, high = place.span
-    distinct = len(np.unique(np.round((np.concatenate(place.x) - low) / (high - low), 3)))
+    low, high = site.span
+    distinct = len(np.unique(np.round((np.concatenate(site.x) - low) / (high - low), 3)))
     candidates = []
     for width in (share * (high - low) for share in _WIDTHS):
         knots = even_knots(low, high, width / 2, _MOST_KNOTS)
         if len(knots) * _FEWEST <= distinct:
-            candidates.append(_with_spread(linear, scale, place, knots, width, price))
+            candidates.append(_with_spread(linear, scale, site, knots, width, price))
     return max((f for f in candidates if f is not None), key=lambda f: f.evidence, default=None)
 
 
-def _refined(linear: Linear, scale: Scale, shape: FittedShape, place: ShapeSite, price: float) -> FittedShape:
+def _refined(linear: Linear, scale: Scale, shape: FittedShape, site: ShapeSite, price: float) -> FittedShape:
     """The shape with more knots where it is steepest, as long as its evidence grows by it."""
     for _ in range(_REFINEMENTS):
         spline = shape.effect.shape
         steepest = int(np.argmax(np.abs(np.diff(shape.curve)))) if len(shape.curve) else 0
         between = np.linspace(spline.knots[steepest], spline.knots[steepest + 1], _PARTS + 1)[1:-1]
         knots = tuple(sorted((*spline.knots, *between.tolist())))
-        finer = _with_spread(linear, scale, place, knots, spline.width, price)
+        finer = _with_spread(linear, scale, site, knots, spline.width, price)
         if finer is None or finer.evidence < shape.evidence + 1.0:
             break
         shape = finer
@@ -137,11 +137,11 @@ def _refined(linear: Linear, scale: Scale, shape: FittedShape, place: ShapeSite,
 
 
 def _with_spread(
-    linear: Linear, scale: Scale, place: ShapeSite, knots: tuple[float, ...], width: float, price: float
+    linear: Linear, scale: Scale, site: ShapeSite, knots: tuple[float, ...], width: float, price: float
 ) -> FittedShape | None:
     """A shape with its likeliest spread; None where it moves nothing."""
     unit = FreeShape(knots=knots, spread=1.0, width=width)
-    columns = linear.whitened(place.columns(unit))
+    columns = linear.whitened(site.columns(unit))
     values, vectors = np.linalg.eigh(columns.T @ linear.free(columns))
     values = np.maximum(values, 0.0) / scale.variance
     largest = float(values.max(initial=0.0))
@@ -153,11 +153,11 @@ def _with_spread(
     k = int(np.argmax(evidence))
     size = float(variance[k, 0])
     weights = vectors @ (size * gradient / (1 + size * values))
-    bare = place.bare.effect
+    bare = site.bare.effect
     assert isinstance(bare, Unexplained)
     effect = unexplained(bare.enters, replace(unit, spread=float(np.sqrt(size))), bare.axis)
     return FittedShape(
-        placed=placed_shape(effect, place.bare.at, place.bare.sites),
+        placed=placed_shape(effect, site.bare.at, site.bare.sites),
         evidence=float(evidence[k]) - price,
         statistic=float((size * gradient**2 / (1 + size * values)).sum()) * scale.variance,
         curve=unit.factor @ weights,

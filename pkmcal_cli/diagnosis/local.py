@@ -29,8 +29,8 @@ def local_effects(problem: Problem, values: Array, alpha: float) -> list[Unknown
     axes = [(a.name, q) for a, q in drives if not np.isnan(q).any() and np.ptp(q) > 0]
     for name, q in axes:
         p, low, high = _strongest(q, squares, channels)
-        place = f"rows at {100 * low:.0f} to {100 * high:.0f} % of the travel of {name}"
-        local.append(Unknown("pose", min(p * len(axes), 1.0), float("nan"), f"local: {place}"))
+        stretch = f"rows at {100 * low:.0f} to {100 * high:.0f} % of the travel of {name}"
+        local.append(Unknown("pose", min(p * len(axes), 1.0), float("nan"), f"local: {stretch}"))
     best = min(local, key=lambda u: u.p_value, default=None)
     return [best] if best is not None and best.p_value < alpha else []
 

@@ -117,8 +117,8 @@ def _towards_side(sensor: str, name: str, axis: Array, squares: _Squares, proble
 def _along_side(
     sensor: str, name: str, axis: Array, squares: _Squares, problem: Problem, p_value: float
 ) -> NoiseGrowth:
-    place = axis[squares.rows]
-    level = np.repeat(place[:, None], squares.values.shape[1], axis=1)
+    along = axis[squares.rows]
+    level = np.repeat(along[:, None], squares.values.shape[1], axis=1)
     values = np.minimum(squares.values, _LARGEST)
 
     def cost(power: float) -> float:

@@ -55,8 +55,8 @@ class Campaigns:
     def _diagnosis(self, effect: Visibility | None, size: float, number: int) -> Diagnosis | None:
         """Of one campaign; None where it cannot be predicted."""
         plan = self.plan
-        place = 0 if effect is None else 1 + [v.hypothesis for v in plan.visibilities].index(effect.hypothesis)
-        rng = np.random.default_rng([self.seed, 23, number, place])
+        stream = 0 if effect is None else 1 + [v.hypothesis for v in plan.visibilities].index(effect.hypothesis)
+        rng = np.random.default_rng([self.seed, 23, number, stream])
         problem = measured(plan.problem, self._drawn(effect, size, rng), rng)
         if problem is None:
             return None

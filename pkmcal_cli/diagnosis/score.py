@@ -143,8 +143,9 @@ def scores_among(
     scores: dict[int, Score] = {}
     for size in np.unique(sizes):
         which = np.nonzero(sizes == size)[0].tolist()
-        place = np.array([at[k] for k in which], dtype=np.intp)  # (m, size)
-        inner, slope, before = information[place[:, :, None], place[:, None, :]], gradient[place], length2[place]
+        members = np.array([at[k] for k in which], dtype=np.intp)  # (m, size)
+        inner = information[members[:, :, None], members[:, None, :]]
+        slope, before = gradient[members], length2[members]
         for j, mask in ((j, np.array(free[k])) for j, k in enumerate(which) if any(free[k])):
             inner[j], slope[j] = projected_out(inner[j], slope[j], before[j], mask)
             before[j, mask] = 0.0

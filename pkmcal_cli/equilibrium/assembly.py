@@ -118,7 +118,7 @@ def _tangent(system: System, tangents: Array, entries: Array | None) -> Tangent:
 
 
 def _add_constant_forces(system: System, numbers: SystemNumbers, residual: Array) -> None:
-    where = system.place[system.topology.force_dofs]
+    where = system.unknown_of[system.topology.force_dofs]
     for k in np.nonzero(where >= 0)[0]:
         residual[:, where[k]] -= numbers.forces[:, k]
 

@@ -117,7 +117,7 @@ def _add_group(
 
 def _add_held_translations(system: System, spec: Group, pull: Array, sums: _Sums) -> None:
     """Gradient with respect to prescribed translations that add to natural lengths; pull (N, E, m): -d/d rest."""
-    held = np.nonzero(spec.slides.any(axis=1) & (system.place[: len(spec.slides)] < 0))[0]
+    held = np.nonzero(spec.slides.any(axis=1) & (system.unknown_of[: len(spec.slides)] < 0))[0]
     sums.coefficients[:, system.topology.translation_coefficients[held]] -= pull[..., 0] @ spec.slides[held].T
 
 
@@ -190,7 +190,7 @@ def _offset_vector_coefficients(system: System, numbers: SystemNumbers, state: S
             rotated = np.einsum("nij,ni->nj", rotation, inner)
             for k in range(3):
                 sums.coefficients[:, rotations.coefficients[r, k]] += rotated[:, k]
-        elif system.place[topology.rotation_dofs[r]] < 0:
+        elif system.unknown_of[topology.rotation_dofs[r]] < 0:
             sums.coefficients[:, rotations.coefficients[r, 0]] += moment @ rotations.axis[r]
 
 
@@ -222,7 +222,7 @@ def adjoint_derivative(
         gradient = lagrangian_gradient(system, numbers.take(row), stepped, taut=taut, pulls=pulls).imag
         np.divide(gradient, _STEP, out=pairs[some])
     if system.loaded and len(topology.force_dofs):
-        where = system.place[topology.force_dofs]
+        where = system.unknown_of[topology.force_dofs]
         for k in np.nonzero(where >= 0)[0]:
             out[:, :, topology.force_coefficients[k]] -= multipliers[:, :, where[k]]
     return out

@@ -84,7 +84,7 @@ def _damped(system: System, balanced: Balance, damping: Array, unit: Array) -> A
 
 def _change(system: System, numbers: SystemNumbers, step: Array, point: _Point, then: _Point, force: Array) -> Array:
     """Change (N,) of potential and weighted gaps; negative where the step lowers them by more than rounding."""
-    where = system.place[system.topology.force_dofs]
+    where = system.unknown_of[system.topology.force_dofs]
     held = np.nonzero(where >= 0)[0]
     work = (numbers.forces[:, held] * step[:, where[held]]).sum(axis=1) if len(held) else 0.0
     change = then.potential - point.potential - work + force * (then.gaps - point.gaps)

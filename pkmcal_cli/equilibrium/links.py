@@ -113,7 +113,7 @@ class _Collector:
     """Entries collected link by link."""
 
     topology: Topology
-    place: Index
+    unknown_of: Index
     local: list[list[int]] = field(default_factory=list)
     fixed: list[tuple[int, int, Array]] = field(default_factory=list)  # link, column, direction
     rotating: list[tuple[int, int, int, int]] = field(default_factory=list)
@@ -132,14 +132,14 @@ class _Collector:
         local: list[int] = []
         for r in [int(offset_vectors.rotation[a]) for a in of_link] + connections:
             dofs = np.arange(first[r], first[r] + _WIDTH[RotationKind(rotations.kind[r])])
-            if len(dofs) and first[r] not in local and (self.place[dofs] >= 0).any():
+            if len(dofs) and first[r] not in local and (self.unknown_of[dofs] >= 0).any():
                 local += dofs.tolist()
         used = 0
         for a in of_link:
             rotates = int(first[offset_vectors.rotation[a]]) in local
             used = self._add_rotation(e, a, local, used) if rotates else used
             used = self._add_translations(e, a, local, used, rotates)
-        for t in np.nonzero((slides != 0) & (self.place[: len(slides)] >= 0))[0]:
+        for t in np.nonzero((slides != 0) & (self.unknown_of[: len(slides)] >= 0))[0]:
             local.append(int(t))
             self.lengthening.append((e, len(local) - 1, float(slides[t])))
         self.local.append(local)
@@ -157,7 +157,7 @@ class _Collector:
     def _add_translations(self, e: int, a: int, local: list[int], used: int, rotates: bool) -> int:
         rotations, r = self.topology.rotations, int(self.topology.offset_vectors.rotation[a])
         axes = self.topology.offset_vectors.translation[:, 3 * a : 3 * a + 3]
-        for t in np.nonzero((axes != 0).any(1) & (self.place[: len(axes)] >= 0))[0]:
+        for t in np.nonzero((axes != 0).any(1) & (self.unknown_of[: len(axes)] >= 0))[0]:
             local.append(int(t))
             if rotations.kind[r] == RotationKind.FIXED and rotations.coefficients[r, 0] < 0:
                 self.fixed.append((e, len(local) - 1, rotations.reference[r] @ axes[t]))
@@ -171,20 +171,20 @@ class _Collector:
         return used
 
 
-def build_links(topology: Topology, links: slice, place: Index, group: Group | None = None) -> LinkMap:
+def build_links(topology: Topology, links: slice, unknown_of: Index, group: Group | None = None) -> LinkMap:
     """Build the map of a range of links: those of a group of elements, or of points."""
     triads = group is not None and group.element.uses_triads
     connections = group.rotation if group is not None and triads else None
     count = (len(topology.translation_names), links.stop - links.start)
     slides = np.zeros(count) if group is None else group.slides[:, group.owners]
-    collected = _Collector(topology=topology, place=place)
+    collected = _Collector(topology=topology, unknown_of=unknown_of)
     for e, link in enumerate(range(links.start, links.stop)):
         ends = [] if connections is None else [int(r) for r in connections[:, e]]
         collected.add_link(e, link, ends, slides[:, e])
     width = max((len(local) for local in collected.local), default=0)
     unknowns = np.full((len(collected.local), width), -1, dtype=np.intp)
     for e, local in enumerate(collected.local):
-        unknowns[e, : len(local)] = place[local]
+        unknowns[e, : len(local)] = unknown_of[local]
     moving = sorted({int(entry[0]) for entry in (*collected.rotating, *collected.hinged, *collected.sliding)})
     return LinkMap(
         topology=topology,

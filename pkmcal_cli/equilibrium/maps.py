@@ -100,8 +100,8 @@ class Maps:
 class MapsBuilder:
     """Collects the entries of all groups."""
 
-    def __init__(self, topology: Topology, place: Index, constraints: int) -> None:
-        self.topology, self.place, self.unknowns = topology, place, int((place >= 0).sum())
+    def __init__(self, topology: Topology, unknown_of: Index, constraints: int) -> None:
+        self.topology, self.unknown_of, self.unknowns = topology, unknown_of, int((unknown_of >= 0).sum())
         self.size = self.unknowns + constraints
         self.forces, self.tangents = Stack(), Stack()
         self.residual, self.tangent = Entries.none(), Entries.none()
@@ -118,13 +118,13 @@ class MapsBuilder:
             else:
                 self._add_paths(group, group.paths, own)
         full = self.tangent.build(self.size**2, self.tangents.stop)
-        filled, place = np.unique(full.target, return_inverse=True)
+        filled, inverse = np.unique(full.target, return_inverse=True)
         column, row = np.divmod(filled, self.size) if self.size else (filled, filled)
         fronts = FrontLayout.of(row, column, self.size, self.unknowns)
         return Maps(
             groups=blocks,
             residual=self.residual.build(self.unknowns, self.forces.stop),
-            tangent=SparseMap(len(filled), full.columns, place, full.source, full.factor),
+            tangent=SparseMap(len(filled), full.columns, inverse, full.source, full.factor),
             filled=filled if fronts is None else fronts.places(row, column),
             width=self.size**2 if fronts is None else fronts.width,
             fronts=fronts,
@@ -135,7 +135,7 @@ class MapsBuilder:
         topology, entries = self.topology, Entries.none()
         offsets, translations = topology.offset_map, topology.translation_map
         entries.add(offsets.source, offsets.target, offsets.factor)
-        held = self.place[: len(topology.translation_coefficients)] < 0
+        held = self.unknown_of[: len(topology.translation_coefficients)] < 0
         coefficients = np.where(held, topology.translation_coefficients, -1)
         entries.add(coefficients[translations.source], translations.target, translations.factor)
         return entries.build(offsets.columns, offsets.height)
@@ -256,13 +256,13 @@ class StrainMaps:
             count += int(acting.sum())
             where, rows = group.map.unknowns, group.map.moving
             own_inputs = own.numbers[..., group.inputs]
-            for place, strain, source, factor in (
+            for unknown, strain, source, factor in (
                 (where, number, own_inputs, group.map.template),
                 (where[rows], number[rows], varying.numbers, group.map.varying),
             ):  # (E, m, L, inputs)
-                used = (place[:, None] >= 0) & (strain[:, :, None] >= 0)
-                flat = np.where(used, strain[:, :, None] * unknowns + place[:, None], -1)
+                used = (unknown[:, None] >= 0) & (strain[:, :, None] >= 0)
+                flat = np.where(used, strain[:, :, None] * unknowns + unknown[:, None], -1)
                 entries.add(flat[..., None], source[:, :, None], factor[:, None])
         full = entries.build(count * unknowns, stack.stop)
-        filled, place = np.unique(full.target, return_inverse=True)
-        return cls(blocks, count, SparseMap(len(filled), stack.stop, place, full.source, full.factor), filled)
+        filled, inverse = np.unique(full.target, return_inverse=True)
+        return cls(blocks, count, SparseMap(len(filled), stack.stop, inverse, full.source, full.factor), filled)

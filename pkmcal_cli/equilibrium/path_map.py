@@ -37,12 +37,12 @@ class PathMap:
             unknowns[e, : len(own)] = own
         stack, entries, out = Stack(), Entries.none(), Block(0, unknowns.shape)
         own_block, varying = stack.block(len(links.unknowns), len(inputs)), stack.block(*links.shape)
-        place = np.full(links.unknowns.shape, -1, dtype=np.intp)  # (K, L) to entries of `out`
+        entry = np.full(links.unknowns.shape, -1, dtype=np.intp)  # (K, L) to entries of `out`
         for k, e in enumerate(group.owners):
             used = links.unknowns[k] >= 0
-            place[k, used] = out.numbers[e, np.searchsorted(lists[e], links.unknowns[k, used])]
-        entries.add(place[:, :, None], own_block.numbers[:, None], links.template)
-        entries.add(place[links.moving][:, :, None], varying.numbers[:, None], links.varying)
+            entry[k, used] = out.numbers[e, np.searchsorted(lists[e], links.unknowns[k, used])]
+        entries.add(entry[:, :, None], own_block.numbers[:, None], links.template)
+        entries.add(entry[links.moving][:, :, None], varying.numbers[:, None], links.varying)
         return cls(unknowns, links.moving, own_block, varying, out, entries.build(out.stop, stack.stop))
 
     def gradients(self, links: Array, directions: Array) -> Array:

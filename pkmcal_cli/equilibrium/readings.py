@@ -121,7 +121,7 @@ def _rotation_gradient(system: System, state: State, r: int, row: Array, gradien
     axis = topology.rotations.axis[r]
     if start >= 0:
         entries = row if kind == 1 else (row @ axis)[:, None]
-        where = system.place[start : start + entries.shape[1]]
+        where = system.unknown_of[start : start + entries.shape[1]]
         gradient[:, where[where >= 0]] = entries[:, where >= 0]
         coefficient = topology.rotations.coefficients[r, 0]
         if kind != 1 and coefficient >= 0 and where[0] < 0:
@@ -142,7 +142,7 @@ def _drive_reading(
     direct = np.zeros((rows, coefficients.shape[1]))
     if drive.kind is DriveKind.TRAVEL:
         position = state.translation[:, drive.target[0]]
-        where = system.place[drive.target[0]]
+        where = system.unknown_of[drive.target[0]]
         if where >= 0:
             unknowns[:, where] = 1.0
         else:

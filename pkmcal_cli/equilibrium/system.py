@@ -39,7 +39,7 @@ class System:
 
     topology: Topology
     free: Index  # (n,) coordinates that are unknown
-    place: Index  # (n_dof,) unknown number of each coordinate, -1 where prescribed
+    unknown_of: Index  # (n_dof,) unknown number of each coordinate, -1 where prescribed
     groups: tuple[GroupMap, ...]
     constraints: int
     points: LinkMap
@@ -69,7 +69,7 @@ class System:
     @cached_property
     def maps(self) -> Maps:
         """Constant maps between the elements' arrays and the unknowns."""
-        return MapsBuilder(self.topology, self.place, self.constraints).build(self.groups)
+        return MapsBuilder(self.topology, self.unknown_of, self.constraints).build(self.groups)
 
     @cached_property
     def strain_maps(self) -> StrainMaps:
@@ -83,20 +83,20 @@ def build_system(topology: Topology, states: tuple[DriveState, ...], loaded: boo
     `aim`: coordinates (x ... rz) that are prescribed, for inverse positions, each with its group in `topology.aims`.
     """
     free = _free_coordinates(topology, states)
-    place = np.full(topology.n_dof, -1, dtype=np.intp)
-    place[free] = np.arange(len(free))
+    unknown_of = np.full(topology.n_dof, -1, dtype=np.intp)
+    unknown_of[free] = np.arange(len(free))
     all_groups = topology.groups + topology.aims if aim else topology.groups
     row, groups = 0, []
     for group, on in zip(all_groups, _active(topology, states, aim), strict=True):
-        made = _group_map(topology, group, on, place, row, loaded)
+        made = _group_map(topology, group, on, unknown_of, row, loaded)
         row = made.rows.stop
         groups.append(made)
     read = slice(int(topology.points[0]), int(topology.points[-1]) + 1) if len(topology.points) else slice(0, 0)
-    points = build_links(topology, read, place)
+    points = build_links(topology, read, unknown_of)
     return System(
         topology=topology,
         free=free,
-        place=place,
+        unknown_of=unknown_of,
         groups=tuple(groups),
         constraints=row,
         points=points,
@@ -117,11 +117,11 @@ def _active(topology: Topology, states: tuple[DriveState, ...], aim: Aim) -> lis
 
 
 def _group_map(
-    topology: Topology, group: Group, on: NDArray[np.bool_], place: Index, row: int, loaded: bool
+    topology: Topology, group: Group, on: NDArray[np.bool_], unknown_of: Index, row: int, loaded: bool
 ) -> GroupMap:
     """One group with the strains `on` (E, m); its constraints are numbered from `row`."""
     element, strain = np.nonzero(on & group.rigid)
-    links = build_links(topology, group.links, place, group)
+    links = build_links(topology, group.links, unknown_of, group)
     yields = len(group.element.patterns) > 0  # loads have strains but no stiffness
     elastic = (on & ~group.rigid & yields).astype(float)
     stressed = np.full(group.shape, float(loaded))

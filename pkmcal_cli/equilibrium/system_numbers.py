@@ -205,7 +205,7 @@ def beyond_beams(system: System, coefficients: Array) -> NDArray[np.bool_]:
     """Tell in which rows (N,) held drives leave a span of a beam no length: a carriage beyond its end."""
     topology, out = system.topology, np.zeros(len(coefficients), dtype=bool)
     for group in system.groups:
-        held = system.place[: len(topology.translation_names)] < 0
+        held = system.unknown_of[: len(topology.translation_names)] < 0
         slides = group.group.slides * held[:, None]
         spans = np.nonzero(slides.any(axis=0) & ~(group.group.slides * ~held[:, None]).any(axis=0))[0]
         if len(spans):

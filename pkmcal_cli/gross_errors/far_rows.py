@@ -18,7 +18,7 @@ _LISTED = 5
 _RUN = 3  # rows; fewer follow one another by chance
 
 
-def far_rows(sample: Sample, sessions: NDArray[np.intp], place: Callable[[int], str]) -> tuple[str, ...]:
+def far_rows(sample: Sample, sessions: NDArray[np.intp], row_origin: Callable[[int], str]) -> tuple[str, ...]:
     """Such rows in words, where most of the others are off by no more than parameters explain.
 
     sessions (N,): number of the session of each row; one that is off as a whole is none of single rows.
@@ -34,7 +34,7 @@ def far_rows(sample: Sample, sessions: NDArray[np.intp], place: Callable[[int], 
     k = int(relative[worst].argmax())
     channel = sample.part.model.channels[k]
     off = parse_unit(channel.unit).format(float(residual[worst, k]), 3)
-    return (far_off_text(sample.rows[rows].tolist(), place, f", `{channel.name}` by up to {off}"),)
+    return (far_off_text(sample.rows[rows].tolist(), row_origin, f", `{channel.name}` by up to {off}"),)
 
 
 def _whole_sessions(off: NDArray[np.bool_], sessions: NDArray[np.intp]) -> NDArray[np.bool_]:
@@ -43,9 +43,9 @@ def _whole_sessions(off: NDArray[np.bool_], sessions: NDArray[np.intp]) -> NDArr
     return np.isin(sessions, whole)
 
 
-def far_off_text(rows: Sequence[int], place: Callable[[int], object], how: str = "") -> str:
+def far_off_text(rows: Sequence[int], row_origin: Callable[[int], object], how: str = "") -> str:
     """Numbers of rows that the others contradict, in ascending order, in words, and the remedy; how: by how much."""
-    listed = ", ".join(str(place(row)) for row in rows[:_LISTED])
+    listed = ", ".join(str(row_origin(row)) for row in rows[:_LISTED])
     more = f" and {len(rows) - _LISTED} more" if len(rows) > _LISTED else ""
     one = len(rows) == 1
     finding = f"{count(len(rows), 'row')} {'is' if one else 'are'} far from what the other rows predict"

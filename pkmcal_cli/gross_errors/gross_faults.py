@@ -57,20 +57,20 @@ def gross_faults(
     values: Array,
     parameters: Sequence[str],
     sessions: IntArray,
-    place: Callable[[int], str],
+    row_origin: Callable[[int], str],
     names: Sequence[str] = (),
     states: WarmStart | None = None,
     sample: Sample | None = None,
 ) -> tuple[Hint, ...]:
     """Suspicions, at parameter values (P,); none where `parameters`, in their ranges, explain the residuals.
 
-    sessions (N,): number of the session of each row, among `names`; place: words for a row; states: of the rows,
+    sessions (N,): number of the session of each row, among `names`; row_origin: words for a row; states: of the rows,
     at these values; sample: of the whole table, where it is known. What is wrong in one session alone is looked for
     there.
     """
     table = _Table(
-        problem=problem, values=values, parameters=tuple(parameters), sessions=sessions, place=place, states=states,
-        known=sample,
+        problem=problem, values=values, parameters=tuple(parameters), sessions=sessions, row_origin=row_origin,
+        states=states, known=sample,
     )  # fmt: skip
     whole = _suspected(table)
     numbers = np.unique(sessions)
@@ -92,7 +92,7 @@ class _Table:
     values: Array
     parameters: tuple[str, ...]
     sessions: IntArray
-    place: Callable[[int], str]
+    row_origin: Callable[[int], str]
     states: WarmStart | None
     known: Sample | None = None
 
@@ -104,9 +104,9 @@ class _Table:
     def take(self, rows: IntArray) -> _Table:
         """Some rows (n,)."""
         states = None if self.states is None else self.states.take(rows)
-        place = _RowNames(self.place, rows)
+        row_origin = _RowNames(self.row_origin, rows)
         problem, sessions = self.problem.take(rows), self.sessions[rows]
-        return replace(self, problem=problem, sessions=sessions, place=place, states=states, known=None)
+        return replace(self, problem=problem, sessions=sessions, row_origin=row_origin, states=states, known=None)
 
 
 def _in_part(table: _Table, rows: IntArray, words: str) -> list[Hint]:
@@ -122,8 +122,8 @@ def _from_a_row(table: _Table) -> tuple[Hint, ...]:
         return ()
     later, earlier = np.arange(first, len(table.problem)), np.arange(first)
     return (
-        *_in_part(table, later, f"from {table.place(first)} on: "),
-        *_in_part(table, earlier, f"up to {table.place(first - 1)}: "),
+        *_in_part(table, later, f"from {table.row_origin(first)} on: "),
+        *_in_part(table, earlier, f"up to {table.row_origin(first - 1)}: "),
     )
 
 
@@ -131,27 +131,27 @@ def _from_a_row(table: _Table) -> tuple[Hint, ...]:
 class _RowNames:
     """Words for a row of a part of the table."""
 
-    place: Callable[[int], str]
+    row_origin: Callable[[int], str]
     rows: IntArray
 
     def __call__(self, row: int) -> str:
-        return self.place(int(self.rows[row]))
+        return self.row_origin(int(self.rows[row]))
 
 
 def _suspected(table: _Table) -> tuple[Hint, ...]:
     """Suspicions by all rows of a table."""
-    sample, place = table.sample, table.place
+    sample, row_origin = table.sample, table.row_origin
     steady = _steady(sample)
     if not sample.gross:
-        return (*steady, *repeated_readings(sample, place))
+        return (*steady, *repeated_readings(sample, row_origin))
     chosen = () if sample.few_rows_off else _chosen([r for r in _reasons(table) if r.hints])
-    return (*(chosen or permuted_rows(sample, place) or repeated_readings(sample, place)), *steady)
+    return (*(chosen or permuted_rows(sample, row_origin) or repeated_readings(sample, row_origin)), *steady)
 
 
 def _reasons(table: _Table) -> list[_Reason]:
     """Explanations of a table that is grossly off: by its channels, by shifted rows, by its drives."""
     sample, problem, values = table.sample, table.problem, table.values
-    reasons = [_channels(sample, True), _rows(sample, table.sessions, table.place)]
+    reasons = [_channels(sample, True), _rows(sample, table.sessions, table.row_origin)]
     if not reasons[0].hints:
         reasons.append(_channels(sample, False))  # a wrong unit of an angle is lost when whole turns are taken off
     if reasons[0].before > EXPLAINED and not reasons[1].complete:  # no less than what an explanation may leave
@@ -230,11 +230,11 @@ def _drives(sample: Sample) -> _Reason:
     )
 
 
-def _rows(sample: Sample, sessions: IntArray, place: Callable[[int], str]) -> _Reason:
+def _rows(sample: Sample, sessions: IntArray, row_origin: Callable[[int], str]) -> _Reason:
     """Whether readings belong to other rows: all of them, or those of some instruments."""
     best = _Reason((), np.inf, np.inf)
     for channels in _blocks(sample):
-        shifted = _shifted(sample, channels, sessions, place)
+        shifted = _shifted(sample, channels, sessions, row_origin)
         if shifted.complete:
             return shifted
         best = min(best, shifted, key=lambda r: r.after)
@@ -254,7 +254,7 @@ def _blocks(sample: Sample) -> list[list[int]]:
     return [list(b) for b in dict.fromkeys(tuple(sorted(b)) for b in blocks) if b]
 
 
-def _shifted(sample: Sample, channels: list[int], sessions: IntArray, place: Callable[[int], str]) -> _Reason:
+def _shifted(sample: Sample, channels: list[int], sessions: IntArray, row_origin: Callable[[int], str]) -> _Reason:
     """Whether the readings of some channels belong to other rows."""
     readings = np.where(sample.whole.measured, sample.whole.readings, np.nan)
     predicted = sample.predicted
@@ -269,12 +269,12 @@ def _shifted(sample: Sample, channels: list[int], sessions: IntArray, place: Cal
     shown = shifts[:1] if every else shifts
     names, _ = _named(sample)
     whose = "" if len(channels) == len(names) else " of " + ", ".join(f"`{names[k]}`" for k in channels)
-    hints = tuple(_row_hint(sample, s, whose, "" if every else _where(s, place)) for s in shown)
+    hints = tuple(_row_hint(sample, s, whose, "" if every else _where(s, row_origin)) for s in shown)
     return _Reason(hints, *(misfit(table, predicted, seen) for table in (seen, corrected)))
 
 
-def _where(shift: RowShift, place: Callable[[int], str]) -> str:
-    return f" from {place(int(shift.rows[0]))} to {place(int(shift.rows[-1]))}"
+def _where(shift: RowShift, row_origin: Callable[[int], str]) -> str:
+    return f" from {row_origin(int(shift.rows[0]))} to {row_origin(int(shift.rows[-1]))}"
 
 
 def _row_hint(sample: Sample, shift: RowShift, whose: str, where: str) -> Hint:

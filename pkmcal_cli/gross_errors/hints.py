@@ -17,7 +17,7 @@ from pkmcal_cli.gross_errors.gross_faults import gross_faults
 from pkmcal_cli.gross_errors.plausibility import find_limit_faults
 from pkmcal_cli.gross_errors.sample import Sample
 from pkmcal_cli.loading.load_machine import LoadedMachine
-from pkmcal_cli.loading.poses import RowOrigin, place_of
+from pkmcal_cli.loading.poses import RowOrigin, origin_of
 from pkmcal_cli.prediction import WarmStart
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.units.measurands import Measurand
@@ -27,7 +27,7 @@ _REACH = 20.0  # sizes of the machine: no TCP is as far away
 _SHOWN = 5  # groups of copied rows told one by one
 
 
-def absurd_rows(problem: Problem, place: Callable[[int], RowOrigin]) -> list[Fault]:
+def absurd_rows(problem: Problem, row_origin: Callable[[int], RowOrigin]) -> list[Fault]:
     """Readings beyond all measure, with which nothing can be computed."""
     with np.errstate(over="ignore", invalid="ignore"):
         far = problem.measured & (np.abs(problem.readings) > _LARGE * problem.sigma)
@@ -39,7 +39,7 @@ def absurd_rows(problem: Problem, place: Callable[[int], RowOrigin]) -> list[Fau
     faults = []
     for row, channel in np.argwhere(far)[:MAX_FAULTS]:
         name = problem.model.channels[channel].name
-        fault = place(int(row)).fault(f"the reading of `{name}` is far outside the machine")
+        fault = row_origin(int(row)).fault(f"the reading of `{name}` is far outside the machine")
         faults.append(replace(fault, hint="correct the cell or its unit, or leave the cell empty"))
     return faults
 
@@ -106,7 +106,7 @@ def _to_fit(loaded: LoadedMachine, problem: Problem) -> tuple[str, ...]:
 
 def _row_text(measured: Measurements, row: int) -> str:
     """Where a row stands."""
-    return str(place_of(measured, row))
+    return str(origin_of(measured, row))
 
 
 def copied_rows(problem: Problem, measured: Measurements) -> tuple[str, ...]:
@@ -114,7 +114,7 @@ def copied_rows(problem: Problem, measured: Measurements) -> tuple[str, ...]:
     groups = problem.copies
     if not groups:
         return ()
-    shown = [" and ".join(str(place_of(measured, row)) for row in group) for group in groups[:_SHOWN]]
+    shown = [" and ".join(str(origin_of(measured, row)) for row in group) for group in groups[:_SHOWN]]
     more = f", and {len(groups) - _SHOWN} more" if len(groups) > _SHOWN else ""
     extra = sum(len(group) - 1 for group in groups)
     finding = f"{count(extra, 'row')} {'is an exact copy' if extra == 1 else 'are exact copies'} of another"

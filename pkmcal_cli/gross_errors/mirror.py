@@ -45,8 +45,8 @@ def brought_back(readings: FloatArray, predicted: FloatArray, points: Points) ->
         return out
     rotation, shift = _motion(here[known], there[known])
     moved = np.where(known[:, None], here @ rotation.T + shift, np.nan).reshape(len(points), len(readings), -1)
-    for point, place in zip(points, moved, strict=True):
-        out[:, list(point)] = place
+    for point, point_moved in zip(points, moved, strict=True):
+        out[:, list(point)] = point_moved
     return out
 
 

@@ -19,7 +19,7 @@ _OFF = 10.0  # times what errors of parameters and noise cause: residual of a ro
 _LISTED = 3
 
 
-def permuted_rows(sample: Sample, place: Callable[[int], str]) -> tuple[Hint, ...]:
+def permuted_rows(sample: Sample, row_origin: Callable[[int], str]) -> tuple[Hint, ...]:
     """Whether another order of the rows leaves no more than errors of parameters and noise.
 
     The order with the least sum of squares (assignment problem), all channels of a row moving together.
@@ -41,7 +41,7 @@ def permuted_rows(sample: Sample, place: Callable[[int], str]) -> tuple[Hint, ..
     left = readings[rows][source] - predicted[rows]
     if len(moved) < 2 or any(rms(r) > GROSS for r in left.T):
         return ()
-    return (_hint(sample, used, rows, source, moved, place),)
+    return (_hint(sample, used, rows, source, moved, row_origin),)
 
 
 def _hint(
@@ -50,7 +50,7 @@ def _hint(
     rows: IntArray,
     source: IntArray,
     moved: IntArray,
-    place: Callable[[int], str],
+    row_origin: Callable[[int], str],
 ) -> Hint:
     """In words; the channel with the largest residual gives the figures."""
     residual = (sample.readings - sample.predicted)[rows][:, used]
@@ -58,7 +58,7 @@ def _hint(
     k = int(np.argmax((residual[moved] ** 2).sum(axis=0) / sample.prior_rms[used] ** 2))
     channel = sample.part.model.channels[int(used[k])]
     pairs = [
-        f"{place(int(sample.rows[rows[i]]))} those of {place(int(sample.rows[rows[source[i]]]))}"
+        f"{row_origin(int(sample.rows[rows[i]]))} those of {row_origin(int(sample.rows[rows[source[i]]]))}"
         for i in moved[:_LISTED]
     ]
     more = f" and {len(moved) - _LISTED} more" if len(moved) > _LISTED else ""

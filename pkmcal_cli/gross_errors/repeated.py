@@ -15,7 +15,7 @@ _MOVED = 0.02  # share of the spread of predictions, below which readings that a
 _LISTED = 3
 
 
-def repeated_readings(sample: Sample, place: Callable[[int], str]) -> tuple[Hint, ...]:
+def repeated_readings(sample: Sample, row_origin: Callable[[int], str]) -> tuple[Hint, ...]:
     """Channels with such readings. No noise repeats itself; rows are compared by how far predictions are apart."""
     moved = np.maximum(GROSS * sample.prior_rms, _MOVED * spread(sample.predicted))
     hints = []
@@ -23,7 +23,7 @@ def repeated_readings(sample: Sample, place: Callable[[int], str]) -> tuple[Hint
         rows = _repeating(sample.readings[:, k], sample.predicted[:, k], float(moved[k]))
         if len(rows) < _FEWEST:
             continue
-        shown = ", ".join(place(int(sample.rows[r])) for r in rows[:_LISTED])
+        shown = ", ".join(row_origin(int(sample.rows[r])) for r in rows[:_LISTED])
         more = f" and {len(rows) - _LISTED} more" if len(rows) > _LISTED else ""
         message = (
             f"`{channel.name}` repeats the reading of another row exactly, though the machine has moved, in "

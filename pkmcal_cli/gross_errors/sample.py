@@ -131,7 +131,7 @@ class Sample:
         axes = 2 if model.topology.planar else 3
         by_frame: dict[str, list[list[int]]] = {}
         for sensor in model.sensors:
-            point = [channel for channel, _ in sorted(sensor.places, key=lambda place: place[1])]
+            point = [channel for channel, _ in sorted(sensor.places, key=lambda pair: pair[1])]
             if sensor.name in model.fitted_frames and len(point) == axes:
                 by_frame.setdefault(sensor.name, []).append(point)
         return list(by_frame.values())

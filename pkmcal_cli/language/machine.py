@@ -126,6 +126,6 @@ def axis_vector(axis: Axis, dimensions: int) -> tuple[Quantity, ...]:
     if not isinstance(axis, str):
         return axis
     letter: Letter = axis
-    place = "xyz".index(letter[-1])
+    component = "xyz".index(letter[-1])
     sign = -1.0 if letter.startswith("-") else 1.0
-    return tuple(Quantity.constant(sign if i == place else 0.0) for i in range(dimensions))
+    return tuple(Quantity.constant(sign if i == component else 0.0) for i in range(dimensions))

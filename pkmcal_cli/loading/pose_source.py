@@ -14,7 +14,7 @@ from pkmcal_cli.loading.covariates import at_rest, resting, with_covariates
 from pkmcal_cli.loading.grid import Grid, parse_grid, spread_count
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.loading.pose_channels import table_channels
-from pkmcal_cli.loading.poses import Poses, RowOrigin, failed_rows, joined_poses, place_of, reference_poses
+from pkmcal_cli.loading.poses import Poses, RowOrigin, failed_rows, joined_poses, origin_of, reference_poses
 from pkmcal_cli.loading.tool_coordinates import required_tool_point, tool_motion
 from pkmcal_cli.loading.workspace_poses import workspace_poses
 from pkmcal_cli.model.tool_motion import DIRECTIONS
@@ -66,7 +66,7 @@ class PoseSource:
         model = self.loaded.model
         whole = bool(model.effects) or any(p.per_session for p in model.parameters)  # these see the whole table
         for poses in [joined_poses(model, list(self._blocks()))] if whole else self._blocks():
-            self.travel_limits.add(poses.rows.readings, poses.place)
+            self.travel_limits.add(poses.rows.readings, poses.row_origin)
             yield poses
 
     def _gridded(self, text: str) -> tuple[Grid, tuple[str, ...]]:
@@ -121,9 +121,9 @@ class PoseSource:
         if self._asked is not None and len(self._asked) > _TOGETHER:
             raise UsageError(f"--grid: more than {_TOGETHER} poses", hint="use a coarser grid")
         poses = joined_poses(self.loaded.model, list(self._blocks()))
-        self.travel_limits.add(poses.rows.readings, poses.place)
+        self.travel_limits.add(poses.rows.readings, poses.row_origin)
         if poses.lost and self.grid is None:
-            raise failed_rows(poses.place, poses.lost)
+            raise failed_rows(poses.row_origin, poses.lost)
         return poses if self.grid is None else replace(poses, sides=None)
 
 
@@ -150,7 +150,7 @@ class TablePoses:
             readings[missing], reachable[missing] = inverse.readings, inverse.reached
         rows = with_covariates(Rows(readings, forces, partner=block.partners), block)
         measured, touched = table_channels(model, block)
-        return Poses(rows, reachable, lambda row: place_of(block, row), measured, touched)
+        return Poses(rows, reachable, lambda row: origin_of(block, row), measured, touched)
 
     def _inverse(self, poses: Array) -> DrivePositions:
         """Drive readings for poses (N, 6), held at the coordinates that are given, so far as they are independent."""

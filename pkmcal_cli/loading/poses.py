@@ -47,16 +47,16 @@ class RowOrigin:
         return Fault("row", f"row `{self.id}`: {reason}" if self.id else reason, Location(self.file, self.line), hint)
 
 
-def place_of(measurements: Measurements, row: int) -> RowOrigin:
+def origin_of(measurements: Measurements, row: int) -> RowOrigin:
     """Where a row of a table stands."""
     name = measurements.ids[row] if "id" in measurements.labels else ""
     return RowOrigin(measurements.files[measurements.file_index[row]], int(measurements.line[row]), name)
 
 
-def failed_rows(place: Callable[[int], RowOrigin], reasons: dict[int, str]) -> BadInput:
+def failed_rows(row_origin: Callable[[int], RowOrigin], reasons: dict[int, str]) -> BadInput:
     """Rows that cannot be predicted, as one error with all of them."""
     shown = sorted(reasons)[:_SHOWN]
-    return BadInput([place(row).fault(reasons[row]) for row in shown], len(reasons))
+    return BadInput([row_origin(row).fault(reasons[row]) for row in shown], len(reasons))
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Poses:
 
     rows: Rows
     reachable: NDArray[np.bool_]
-    place: Callable[[int], RowOrigin]
+    row_origin: Callable[[int], RowOrigin]
     measured: NDArray[np.bool_] | None = None
     touched: NDArray[np.bool_] | None = None
     sides: NDArray[np.float64] | None = None
@@ -88,8 +88,8 @@ class Poses:
         """Some rows, which keep their places."""
         measured, touched = (None if c is None else c[rows] for c in (self.measured, self.touched))
         sides = None if self.sides is None else self.sides[rows]
-        place = lambda k: self.place(int(rows[k]))  # noqa: E731
-        return Poses(self.rows.take(rows), self.reachable[rows], place, measured, touched, sides)
+        row_origin = lambda k: self.row_origin(int(rows[k]))  # noqa: E731
+        return Poses(self.rows.take(rows), self.reachable[rows], row_origin, measured, touched, sides)
 
 
 def reference_poses(model: Model) -> Poses:
@@ -102,13 +102,13 @@ def joined_poses(model: Model, blocks: list[Poses]) -> Poses:
     """All blocks as one, with the directions of motion in the order of all rows."""
     starts = [0, *accumulate(len(b) for b in blocks)]
 
-    def place(row: int) -> RowOrigin:
+    def row_origin(row: int) -> RowOrigin:
         k = bisect_right(starts, row) - 1
-        return blocks[k].place(row - starts[k])
+        return blocks[k].row_origin(row - starts[k])
 
     rows, names = joined_rows([b.rows for b in blocks]), [a.name for a in model.actuators]
     stated = [rows.columns.get(f"dir.{name}", np.full(len(rows), np.nan)) for name in names]
     sides = np.stack(stated, axis=1) if any(f"dir.{name}" in rows.columns for name in names) else None
     measured, touched = together([b.measured for b in blocks]), together([b.touched for b in blocks])
     reachable = np.concatenate([b.reachable for b in blocks])
-    return Poses(with_directions(rows, names), reachable, place, measured, touched, sides)
+    return Poses(with_directions(rows, names), reachable, row_origin, measured, touched, sides)

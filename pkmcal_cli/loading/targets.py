@@ -13,7 +13,7 @@ from pkmcal_cli.language.tool_point import ToolPoint
 from pkmcal_cli.loading.covariates import reference_conditions, with_covariates, without_effect
 from pkmcal_cli.loading.grid import parse_grid
 from pkmcal_cli.loading.load_machine import LoadedMachine
-from pkmcal_cli.loading.poses import RowOrigin, place_of
+from pkmcal_cli.loading.poses import RowOrigin, origin_of
 from pkmcal_cli.loading.tool_coordinates import kept_note, required_tool_point, tool_motion, unusable_set
 from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.prediction import Rows
@@ -34,7 +34,7 @@ class Targets:
     held: tuple[str, ...]
     coordinates: tuple[str, ...]
     rows: Rows
-    place: Callable[[int], RowOrigin]
+    row_origin: Callable[[int], RowOrigin]
     tool: ToolPoint
     covariates: tuple[str, ...]
     forces: bool
@@ -97,8 +97,8 @@ def _of_grid(loaded: LoadedMachine, text: str) -> Targets:
     empty = np.full((len(points), len(loaded.model.actuators)), np.nan)
     return Targets(
         poses=points.poses(0, len(points)), held=points.held, coordinates=tuple(a.name for a in points.axes),
-        rows=Rows(empty, empty), place=lambda row: RowOrigin(None, row + 1, ""), tool=tool, covariates=(), forces=False,
-        grid=True, notes=(tool.text, *points.notes), inputs={},
+        rows=Rows(empty, empty), row_origin=lambda row: RowOrigin(None, row + 1, ""), tool=tool, covariates=(),
+        forces=False, grid=True, notes=(tool.text, *points.notes), inputs={},
     )  # fmt: skip
 
 
@@ -123,7 +123,7 @@ def _of_table(loaded: LoadedMachine, path: str) -> Targets:
     forced = [a for a, d in enumerate(model.topology.drives) if d.force_controlled]
     return Targets(
         poses=poses, held=held, coordinates=coordinates, rows=rows, tool=tool,
-        place=lambda row: place_of(measured, row), covariates=(*measured.covariates, *sessions),
+        row_origin=lambda row: origin_of(measured, row), covariates=(*measured.covariates, *sessions),
         forces=bool(np.isfinite(forces[:, forced]).any()), grid=False,
         notes=(*measured.notes, tool.text, *([kept_note(kept)] if kept else [])), inputs=measured.inputs,
     )  # fmt: skip

@@ -53,16 +53,16 @@ class Base:
         """What of it something stands on, or one of some sensors looks at."""
         places = [not by or not set(by).isdisjoint(sensors) for by in self.only_seen_by]
         rotating = [not by or not set(by).isdisjoint(sensors) for by in self.rotations_only_seen_by]
-        kept = tuple(place for place, is_felt in zip(self.places, places, strict=True) if is_felt)
+        kept = tuple(pulls for pulls, is_felt in zip(self.places, places, strict=True) if is_felt)
         return Base(places=kept, rotations=self.rotations[rotating])
 
     def positions(self, coefficients: Array) -> Array:
         """The places (B, 3) in base axes, m."""
         nothing = np.zeros((len(coefficients), 0))
-        return np.array([sum(v.moved(coefficients, nothing)[0] for v in place) for place in self.places])
+        return np.array([sum(v.moved(coefficients, nothing)[0] for v in pulls) for pulls in self.places])
 
     def motion(self, coefficients: Array, chain: Array) -> Array:
         """Displacement (3 B + 3 F, p) of the places, then of the orientations of the frames; chain (S, p)."""
-        rows = [sum(v.moved(coefficients, chain)[1] for v in place) for place in self.places]
+        rows = [sum(v.moved(coefficients, chain)[1] for v in pulls) for pulls in self.places]
         rows += [left_jacobian(coefficients[where]) @ chain[where] for where in self.rotations]
         return np.vstack(rows)

@@ -41,7 +41,7 @@ class Placed:
     coefficients: Array
     state: State
 
-    def place(self, point: Point) -> Array:
+    def position_of(self, point: Point) -> Array:
         """Place (N, 3) of a point: x = sum R_r (o + travel a)."""
         out = np.zeros((len(self.state), 3))
         numbers = self.topology.offset_vectors.offset_coefficients
@@ -58,7 +58,7 @@ class Placed:
     def course(self, piece: Piece) -> Array:
         """Points (N, K, 3) along an element: its ends, or the cubic curve between them where it bends."""
         first, last = piece.link.connections
-        a, b = self.place(first.point)[:, None], self.place(last.point)[:, None]
+        a, b = self.position_of(first.point)[:, None], self.position_of(last.point)[:, None]
         if not piece.bends:
             return np.concatenate([a, b], axis=1)
         size = np.sqrt(((b - a) ** 2).sum(axis=-1, keepdims=True))

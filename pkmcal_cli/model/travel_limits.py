@@ -21,7 +21,7 @@ class TravelLimits:
     outside: dict[int, int] = field(default_factory=dict)  # by number of the drive: positions outside
     worst: dict[int, tuple[float, float, str]] = field(default_factory=dict)  # how far outside, reading, where it is
 
-    def add(self, readings: Array, place: Callable[[int], object]) -> None:
+    def add(self, readings: Array, row_origin: Callable[[int], object]) -> None:
         """Count positions (N, A), of which `place` tells where they come from; unknown ones (nan) are inside."""
         self.rows += len(readings)
         for k, actuator in enumerate(self.model.actuators):
@@ -30,7 +30,7 @@ class TravelLimits:
                 self.outside[k] = self.outside.get(k, 0) + int((excess > 0).sum())
                 row = int(excess.argmax())
                 if k not in self.worst or excess[row] > self.worst[k][0]:
-                    self.worst[k] = float(excess[row]), float(readings[row, k]), str(place(row))
+                    self.worst[k] = float(excess[row]), float(readings[row, k]), str(row_origin(row))
 
     def warnings(self) -> list[str]:
         """One line for every drive that would leave its limits."""

@@ -231,8 +231,8 @@ def _middle(course: Array) -> Array:
     return np.asarray(0.5 * (course[(len(course) - 1) // 2] + course[len(course) // 2]))
 
 
-def _pair(place: Array) -> tuple[float, float]:
-    return float(place[0]), float(place[1])
+def _pair(xy: Array) -> tuple[float, float]:
+    return float(xy[0]), float(xy[1])
 
 
 def _along(line: Array) -> Array:

@@ -163,7 +163,7 @@ def _placed(model: Model, solution: Solution) -> Placed:
 def _shape(
     machine: Machine[Quantity, float], layout: Layout, placed: Placed, reach: Mapping[str, tuple[float, float]]
 ) -> Shape:
-    places = {name: placed.place(point)[0] for name, point in layout.points.items()}
+    places = {name: placed.position_of(point)[0] for name, point in layout.points.items()}
     courses = {}
     for name, between in members(machine).items():
         pieces = [placed.course(piece)[0] for piece in layout.pieces[name]]
@@ -171,7 +171,7 @@ def _shape(
     guides = {}
     for name, (start, end) in reach.items():
         rail = layout.rails[name]
-        origin, way = placed.place(rail.origin)[0], placed.direction(rail.tilted, rail.along)[0]
+        origin, way = placed.position_of(rail.origin)[0], placed.direction(rail.tilted, rail.along)[0]
         guides[name] = np.array([origin + start * way, origin + end * way])
     return Shape(places, courses, guides)
 
@@ -199,10 +199,10 @@ def _reach(
         if body.guide is not None and body.guide in layout.rails:
             rail = layout.rails[body.guide]
             way = placed.direction(rail.tilted, rail.along)[0]
-            at = float(way @ (placed.place(layout.points[name])[0] - placed.place(rail.origin)[0]))
+            at = float(way @ (placed.position_of(layout.points[name])[0] - placed.position_of(rail.origin)[0]))
             carriages.setdefault(body.guide, []).append(at)
             limits.setdefault(body.guide, []).extend(at + stroke for stroke in moved_by.get(name, ()))
-    places = np.array([placed.place(point)[0] for point in layout.points.values()])
+    places = np.array([placed.position_of(point)[0] for point in layout.points.values()])
     beyond = _BEYOND * float(np.sqrt((np.ptp(places, axis=0) ** 2).sum()))
     return {
         name: (min([min(at) - beyond, *limits[name]]), max([max(at) + beyond, *limits[name]]))

@@ -40,17 +40,17 @@ def text_machine(shape: MachineShape, factor: float) -> list[str]:
 
 def _mark(page: _Page, shape: MachineShape, shown: Shape) -> None:
     """Markers over the lines, then the names of drives and of the tool point."""
-    for name, place in shown.places.items():
-        page.mark(place, _GROUND if name in shape.machine.ground else _JOINT)
+    for name, point in shown.places.items():
+        page.mark(point, _GROUND if name in shape.machine.ground else _JOINT)
     drives = {name: shape.at_drive(name, shown) for name in shape.readings}
-    for place in drives.values():
-        page.mark(place, _DRIVE)
+    for point in drives.values():
+        page.mark(point, _DRIVE)
     tool = shape.tool
     if tool is not None:
         page.mark(shown.places[tool], _TOOL)
         drives[tool] = shown.places[tool]
-    for name, place in drives.items():
-        page.write(place, name)
+    for name, point in drives.items():
+        page.write(point, name)
 
 
 class _Page:
@@ -68,9 +68,9 @@ class _Page:
         self.cells = np.full((rows, _COLUMNS), " ")
         self.kept = np.zeros(self.cells.shape, dtype=bool)  # markers and names, over which no name is written
 
-    def cell(self, place: Array) -> tuple[int, int]:
+    def cell(self, point: Array) -> tuple[int, int]:
         """Row and column of a place (3,)."""
-        across, up = (self.view.of(place) - self.middle) / self.per_column
+        across, up = (self.view.of(point) - self.middle) / self.per_column
         row = round((len(self.cells) - 1) / 2 - up / _TALL)
         column = round((_COLUMNS - 1) / 2 + across)
         return int(np.clip(row, 0, len(self.cells) - 1)), int(np.clip(column, 0, _COLUMNS - 1))
@@ -85,14 +85,14 @@ class _Page:
                     d - c, _TALL * (s - r)
                 )
 
-    def mark(self, place: Array, character: str) -> None:
+    def mark(self, point: Array, character: str) -> None:
         """A marker."""
-        at = self.cell(place)
+        at = self.cell(point)
         self.cells[at], self.kept[at] = character, True
 
-    def write(self, place: Array, name: str) -> None:
+    def write(self, point: Array, name: str) -> None:
         """A name beside a place, where no other name or marker is; below the drawing where there is no room."""
-        row, column = self.cell(place)
+        row, column = self.cell(point)
         name = name[: _COLUMNS - 2]
         best: tuple[int, int, int] | None = None
         for down, across in _BESIDE:

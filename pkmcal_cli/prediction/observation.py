@@ -146,11 +146,11 @@ def in_machine_frame(model: Model, values: Array, rows: Rows, readings: Array) -
 def _move_back(sensor: PlacedSensor, d: Array, size: Array, readings: Array, out: Array, width: int) -> None:
     """Undo motions (N, 10), and what is read per unit (N,)."""
     rotation = exp(d[:, 3:6])
-    place = np.zeros((len(readings), 3))
-    place[:, :width] = np.nan
+    position = np.zeros((len(readings), 3))
+    position[:, :width] = np.nan
     for channel, k in sensor.places:
-        place[:, k] = size * readings[:, channel]
-    back = np.linalg.solve(rotation @ strained(d), (place - d[:, :3])[..., None])[..., 0]
+        position[:, k] = size * readings[:, channel]
+    back = np.linalg.solve(rotation @ strained(d), (position - d[:, :3])[..., None])[..., 0]
     for channel, k in sensor.places:
         out[:, channel] = back[:, k]
     if sensor.rotates:

@@ -51,9 +51,9 @@ class Rows:
         """Partners among some rows, by their numbers there."""
         if self.partner is None:
             return None
-        place = np.full(len(self) + 1, -1)  # the last entry answers for rows without partner
-        place[np.arange(len(self))[rows]] = np.arange(len(self.readings[rows]))
-        return np.asarray(place[self.partner[rows]])
+        new_row = np.full(len(self) + 1, -1)  # the last entry answers for rows without partner
+        new_row[np.arange(len(self))[rows]] = np.arange(len(self.readings[rows]))
+        return np.asarray(new_row[self.partner[rows]])
 
     @property
     def session(self) -> NDArray[np.intp]:

@@ -86,8 +86,8 @@ class Chain:
         parts = []
         for session, numbers in zip(model.sessions or ("",), model.by_session(values), strict=True):
             names = dict.fromkeys(name for name, _ in asked)  # instances of one parameter share a column
-            place = {name: k for k, name in enumerate(names)}
-            full = model.topology.coefficients.jacobian(numbers, list(names))[:, [place[name] for name, _ in asked]]
+            column_of = {name: k for k, name in enumerate(names)}
+            full = model.topology.coefficients.jacobian(numbers, list(names))[:, [column_of[name] for name, _ in asked]]
             parts.append(full * np.array([of_session in ("", session) for _, of_session in asked], dtype=float))
         every = np.stack(parts)
         used = np.nonzero(every.any(axis=(0, 2)))[0]

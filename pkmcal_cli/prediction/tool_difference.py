@@ -22,9 +22,9 @@ def tool_difference(before: tuple[Model, Array], after: tuple[Model, Array], row
     """
     one, other = (predict(tcp_model(model), values, rows).values for model, values in (before, after))
     channels = tcp_model(before[0]).channels
-    place = [k for k, c in enumerate(channels) if c.measurand is Measurand.POSITION]
+    positions = [k for k, c in enumerate(channels) if c.measurand is Measurand.POSITION]
     angles = [k for k, c in enumerate(channels) if c.measurand is Measurand.ORIENTATION]
-    distance = np.linalg.norm(other[:, place] - one[:, place], axis=1)
+    distance = np.linalg.norm(other[:, positions] - one[:, positions], axis=1)
     if not angles:
         return distance, np.where(np.isnan(distance), np.nan, 0.0)
     if len(angles) == 1:

@@ -62,9 +62,9 @@ def _touching_readings(
     known, target = ~np.isnan(trigger[:, columns]), np.nan_to_num(trigger[:, columns])
     free = [DIRECTIONS.index(c) for c in model.independent_coordinates]
     size = np.where(np.array(free) < 3, 1.0, 1 / (_LENGTH * model.length))
-    place = np.full((len(rows), 6), np.nan)
-    place[:, free] = tcp_places(model, model.nominal, rows)[:, free]
-    begin, readings = drive_positions(model, place).readings, rows.readings
+    pose = np.full((len(rows), 6), np.nan)
+    pose[:, free] = tcp_places(model, model.nominal, rows)[:, free]
+    begin, readings = drive_positions(model, pose).readings, rows.readings
     slopes, error = np.zeros(()), np.zeros(())
     for step in range(_STEPS):
         there = predict(model, values, replace(rows, readings=readings + shift), Request(by_drive=True))
@@ -72,11 +72,11 @@ def _touching_readings(
         if step == _STEPS - 1 or not (np.abs(error) > _EXACT).any():
             break
         if step < _RENEWED:
-            slopes = _drives_by_place(model, place)
+            slopes = _drives_by_place(model, pose)
         assert there.by_drive is not None
         by_place = np.where(known[..., None], there.by_drive[:, columns] @ slopes, 0.0) * size
-        place[:, free] += _limited(_least(by_place, error) * size, model.length)
-        readings = rows.readings + drive_positions(model, place).readings - begin
+        pose[:, free] += _limited(_least(by_place, error) * size, model.length)
+        readings = rows.readings + drive_positions(model, pose).readings - begin
     return readings, np.asarray((np.abs(error) < _NEAR).all(axis=1))
 
 
@@ -91,8 +91,8 @@ def _limited(step: Array, length: float) -> Array:
     return np.asarray(step * np.minimum(1.0, _LONGEST * length / np.maximum(size, 1e-300)))
 
 
-def _drives_by_place(model: Model, place: Array) -> Array:
+def _drives_by_place(model: Model, pose: Array) -> Array:
     """Derivatives (n, A, d) of the drives' readings by the free coordinates at places (n, 6)."""
-    by_pose = drive_positions(model, place, derivatives=True).by_pose
+    by_pose = drive_positions(model, pose, derivatives=True).by_pose
     assert by_pose is not None
     return np.nan_to_num(by_pose)

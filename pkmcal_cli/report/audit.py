@@ -22,8 +22,8 @@ _GROSS = 6.0  # standard uncertainties from which on a robust loss is worth a wo
 class Audit:
     """The doubtful values of a fit, with their places in the files."""
 
-    def __init__(self, model: Model, robust: RobustFit, place: Callable[[int], RowOrigin]) -> None:
-        self.model, self.robust, self.place, self.loss = model, robust, place, robust.loss
+    def __init__(self, model: Model, robust: RobustFit, row_origin: Callable[[int], RowOrigin]) -> None:
+        self.model, self.robust, self.row_origin, self.loss = model, robust, row_origin, robust.loss
 
     def show(self, to: Reporter) -> None:
         """A table for people; nothing where nothing is doubtful."""
@@ -36,7 +36,7 @@ class Audit:
         to.table(title, head, [self._row(d) for d in worst[:_SHOWN]], left=2, folded=("change if kept",))
         for d in worst[:_SHOWN]:
             _, channel, off, deviation, *_ = self._row(d)
-            to.mark(f"outlier: {channel} is off by {off} ({deviation} std)", self.place(d.row).location, "warning")
+            to.mark(f"outlier: {channel} is off by {off} ({deviation} std)", self.row_origin(d.row).location, "warning")
         if len(worst) > _SHOWN:
             to.say(f"... and {len(worst) - _SHOWN} more (--json lists all)")
         if not robust:
@@ -54,21 +54,21 @@ class Audit:
     def _where(self, d: Doubtful) -> str:
         """The row; what was measured once stands in the machine file."""
         once = self.model.channels[d.channel].measurand.once
-        return self.model.name if once else str(self.place(d.row))
+        return self.model.name if once else str(self.row_origin(d.row))
 
     def json(self) -> list[dict[str, Any]]:
         """All doubtful values, worst first."""
         out = []
         for d in self.robust.doubtful:
-            place, channel = self.place(d.row), self.model.channels[d.channel]
+            row_origin, channel = self.row_origin(d.row), self.model.channels[d.channel]
             if channel.measurand.once:
-                place = RowOrigin(self.model.name, 0, "")
+                row_origin = RowOrigin(self.model.name, 0, "")
             unit = parse_unit(channel.unit)
             out.append(
                 {
-                    "file": place.file,
-                    "line": place.line or None,
-                    "id": place.id or None,
+                    "file": row_origin.file,
+                    "line": row_origin.line or None,
+                    "id": row_origin.id or None,
                     "channel": channel.name,
                     "off": d.off / unit.scale,
                     "unit": unit.text,

@@ -56,13 +56,13 @@ class CalibrationReport:
         problem: Problem,
         calibration: Calibration,
         held_out: HeldOut | str,
-        place: Callable[[int], RowOrigin],
+        row_origin: Callable[[int], RowOrigin],
         mistakes: tuple[str, ...] = (),
     ) -> None:
         fit, intervals = calibration.robust.fit, calibration.intervals
         self.calibration = calibration
         self.machine, self.model, self.fit, self.held_out = machine, problem.model, fit, held_out
-        self.audit, self.intervals = Audit(problem.model, calibration.robust, place), intervals
+        self.audit, self.intervals = Audit(problem.model, calibration.robust, row_origin), intervals
         problem = problem.without(fit.failed)
         self.budget, self.ranges = calibration.budget, range_check(problem, fit, calibration.budget)
         self.problem = problem
@@ -73,12 +73,12 @@ class CalibrationReport:
         more = unexplained(fit, self.budget, calibration.robust)
         self.incomplete = () if self.implausible else tuple(each.text for each in more)
         self.rows = parameter_rows(self.model, fit, intervals, self.budget, self.ranges.far)
-        self.failed = FailedRows(fit.failed, place, len(problem))
+        self.failed = FailedRows(fit.failed, row_origin, len(problem))
         self.slipped = lost_rows(problem, fit.after)  # predicted only with errors of the drives: no error is told
         without_slips = problem.without(self.slipped)
         self.before, self.after = error_figures(without_slips, fit.before), error_figures(without_slips, fit.after)
         self.started = len(lost_rows(without_slips, fit.before))
-        self.loads = Loads.of_fit(problem, fit, place)
+        self.loads = Loads.of_fit(problem, fit, row_origin)
         self.n_rows, self.replicates = len(problem), replicate_noise(problem, fit)
 
     @property

@@ -47,12 +47,12 @@ class CorrectionReport:
         total = len(self.targets)
         reasons = dict.fromkeys(range(total), OUT_OF_REACH) if self.result is None else self.result.correction.failed
         kind = SkippedPoints if self.targets.grid else FailedRows
-        return kind(reasons, self.targets.place, total)
+        return kind(reasons, self.targets.row_origin, total)
 
     @property
     def ids(self) -> list[str]:
         """Names of the targets that have set values."""
-        return [self.targets.place(k).id or str(k + 1) for k in self._numbers]
+        return [self.targets.row_origin(k).id or str(k + 1) for k in self._numbers]
 
     @property
     def _numbers(self) -> list[int]:
@@ -78,7 +78,7 @@ class CorrectionReport:
             return
         rows = sorted(self.lost.reasons)
         for row in rows[:_SHOWN]:
-            to.fail(f"{self.targets.place(row)}: {self.lost.reasons[row]}")
+            to.fail(f"{self.targets.row_origin(row)}: {self.lost.reasons[row]}")
         if rows:
             to.fail(f"not in the table (no set values): {count(len(rows), 'target')}")
 
@@ -112,9 +112,9 @@ class CorrectionReport:
         """What drives and ropes bear."""
         assert self.result is not None
         made, good = self.result.correction, self.result.correction.good
-        place = lambda k: self.targets.place(self._numbers[k])  # noqa: E731
+        row_origin = lambda k: self.targets.row_origin(self._numbers[k])  # noqa: E731
         start = made.after.prediction.start.take(good)
-        return Loads.of(self.model, self.start.values, made.rows.take(good), place, start)
+        return Loads.of(self.model, self.start.values, made.rows.take(good), row_origin, start)
 
     # --- tables --------------------------------------------------------------------------------
     def _show_errors(self, to: Reporter, result: Assessment) -> None:
@@ -181,7 +181,7 @@ class CorrectionReport:
         out: dict[str, list[str]] = {}
         for k, number in zip(result.correction.good, self._numbers, strict=True):
             for name in result.outside[k]:
-                out.setdefault(name, []).append(str(self.targets.place(number)))
+                out.setdefault(name, []).append(str(self.targets.row_origin(number)))
         return out
 
     # --- JSON ------------------------------------------------------------------------------------

@@ -75,10 +75,10 @@ class DiagnosisReport(VisibilityReport):
         self._show_table(to, "Causes", machine)
         self._show_table(to, "Check the measurement first", instrument)
         for row in self.diagnosis.bad_rows:
-            to.say(f"bad row: {self.measured.place(row)}: not used; repeat this pose")
+            to.say(f"bad row: {self.measured.row_origin(row)}: not used; repeat this pose")
         for row, chance in self.diagnosis.suspected.items():
             words = f"{100 * chance:.1g} % chance that any row is off as much"
-            to.say(f"suspected row: {self.measured.place(row)}: {words}; still used; repeat this pose")
+            to.say(f"suspected row: {self.measured.row_origin(row)}: {words}; still used; repeat this pose")
 
     def verdict_line(self) -> str:
         """What the data say; in a second line, by which figures."""
@@ -272,9 +272,9 @@ class DiagnosisReport(VisibilityReport):
         if field is None or field.explained < _MAPPED:
             return ""
         size = self.length(float(np.linalg.norm(field.vectors[field.largest])))
-        place = ", ".join(f"{c} {v / unit.scale:.4g} {unit.text}" for c, v in zip("xyz", field.at[field.largest]))
+        at = ", ".join(f"{c} {v / unit.scale:.4g} {unit.text}" for c, v in zip("xyz", field.at[field.largest]))
         share = max(100 * field.explained, 0.0)
-        return f"Largest near {place}: {size}. A smooth map explains {share:.0f} % of its variance on held-out cells."
+        return f"Largest near {at}: {size}. A smooth map explains {share:.0f} % of its variance on held-out cells."
 
 
 def _share(finding: Finding) -> str:

@@ -13,7 +13,7 @@ from pkmcal_cli.diagnosis.panels import FieldMap, field_map
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
 from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes
 from pkmcal_cli.language.machine import Machine
-from pkmcal_cli.loading.poses import place_of
+from pkmcal_cli.loading.poses import origin_of
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.report.audit import Audit
 from pkmcal_cli.report.console import Reporter
@@ -45,13 +45,13 @@ class DiagnosisValues:
 
     @cached_property
     def failed(self) -> FailedRows:
-        return FailedRows(self.diagnosis.failed, partial(place_of, self.measured), len(self.measured))
+        return FailedRows(self.diagnosis.failed, partial(origin_of, self.measured), len(self.measured))
 
     @cached_property
     def audit(self) -> Audit | None:
         """Values that a robust loss weighs down; None without one."""
         robust = self.diagnosis.weighed
-        return None if robust is None else Audit(self.model, robust, partial(place_of, self.measured))
+        return None if robust is None else Audit(self.model, robust, partial(origin_of, self.measured))
 
     def show_left_out(self, to: Reporter) -> None:
         """Values that are weighed down, and rows that nothing predicts."""

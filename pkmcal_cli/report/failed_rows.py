@@ -22,21 +22,21 @@ class FailedRows:
     """Why rows of a table of `total` rows have no prediction and are not used, by row; `place`: where a row stands."""
 
     reasons: Mapping[int, str]
-    place: Callable[[int], RowOrigin]
+    row_origin: Callable[[int], RowOrigin]
     total: int
 
     def show(self, to: Listener) -> None:
         """A warning for each of the first ones, and how many there are."""
         rows = sorted(self.reasons)
         for row in rows[:_SHOWN]:
-            place = self.place(row)
-            to.warn(f"warning: {place}: {self.reasons[row]}: not used", place.location)
+            row_origin = self.row_origin(row)
+            to.warn(f"warning: {row_origin}: {self.reasons[row]}: not used", row_origin.location)
         if rows:
             to.warn(f"warning: {len(rows)} of {count(self.total, 'row')} {'is' if len(rows) == 1 else 'are'} not used")
 
     def json(self) -> dict[str, Any]:
         """The same for JSON; so many rows at most are listed."""
-        places = [(self.place(row), self.reasons[row]) for row in sorted(self.reasons)[:_LISTED]]
+        places = [(self.row_origin(row), self.reasons[row]) for row in sorted(self.reasons)[:_LISTED]]
         listed = [{"file": p.file, "line": p.line or None, "id": p.id or None, "reason": why} for p, why in places]
         return {"n_failed": len(self.reasons), "failed": listed}
 

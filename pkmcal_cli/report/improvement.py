@@ -97,7 +97,7 @@ class ImprovementReport(ImprovedFiles):
         to.say()
         to.say(self.diagnosis.verdict_line())
         for row in improvement.whole.bad_rows:
-            to.say(f"bad row: {self.measured.place(row)}: used neither for fitting nor for reporting")
+            to.say(f"bad row: {self.measured.row_origin(row)}: used neither for fitting nor for reporting")
         self.diagnosis.show_left_out(to)
         if improvement.steps:
             self._show_steps(to)

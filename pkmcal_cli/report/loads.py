@@ -29,19 +29,19 @@ class _Worst:
 
     rows: int = 0
     value: float = 0.0
-    place: RowOrigin | None = None
+    row_origin: RowOrigin | None = None
 
-    def add(self, beyond: NDArray[np.bool_], values: Array, place: Callable[[int], RowOrigin]) -> None:
+    def add(self, beyond: NDArray[np.bool_], values: Array, row_origin: Callable[[int], RowOrigin]) -> None:
         """Count rows (N,) and keep the one with the largest value (N,) of them."""
         self.rows += int(beyond.sum())
         if beyond.any():
             row = int(np.argmax(np.where(beyond, values, -np.inf)))
-            if self.place is None or values[row] > self.value:
-                self.value, self.place = float(values[row]), place(row)
+            if self.row_origin is None or values[row] > self.value:
+                self.value, self.row_origin = float(values[row]), row_origin(row)
 
     def json(self, value: str, scale: float = 1.0) -> dict[str, Any]:
         """The same for JSON, the value in SI by its name."""
-        at = self.place
+        at = self.row_origin
         return {
             "n_rows": self.rows,
             value: scale * self.value,
@@ -70,27 +70,32 @@ class Loads:
 
     @classmethod
     def of(
-        cls, model: Model, values: Array, rows: Rows, place: Callable[[int], RowOrigin], start: WarmStart | None = None
+        cls,
+        model: Model,
+        values: Array,
+        rows: Rows,
+        row_origin: Callable[[int], RowOrigin],
+        start: WarmStart | None = None,
     ) -> Loads:
         """The loads of rows at parameter values (P,), SI."""
         loads = cls(model=model)
-        loads.add(values, rows, predict(model, values, rows, Request(forces=limited(model)), start), place)
+        loads.add(values, rows, predict(model, values, rows, Request(forces=limited(model)), start), row_origin)
         return loads
 
     @classmethod
-    def of_fit(cls, problem: Problem, fit: Fit, place: Callable[[int], RowOrigin]) -> Loads:
+    def of_fit(cls, problem: Problem, fit: Fit, row_origin: Callable[[int], RowOrigin]) -> Loads:
         """The loads of the rows of a fit."""
-        return cls.of(problem.model, fit.values, problem.rows.moved(fit.shift), place, fit.last.start)
+        return cls.of(problem.model, fit.values, problem.rows.moved(fit.shift), row_origin, fit.last.start)
 
-    def add(self, values: Array, rows: Rows, prediction: Prediction, place: Callable[[int], RowOrigin]) -> None:
+    def add(self, values: Array, rows: Rows, prediction: Prediction, row_origin: Callable[[int], RowOrigin]) -> None:
         """Count the solved rows of a prediction at parameter values (P,), SI; `place`: where its rows stand."""
         self.total += int(prediction.solved.sum())
         if prediction.forces is not None and prediction.tension is not None:
-            self._add_limits(prediction.solved, np.abs(prediction.forces), prediction.tension, place)
+            self._add_limits(prediction.solved, np.abs(prediction.forces), prediction.tension, row_origin)
         apart = np.nonzero(self._disagreeing(prediction))[0]
         if len(apart):
             some = predict(self.model, values, rows.take(apart), Request(forces=True), prediction.start.take(apart))
-            self._add_disagreement(some, lambda k: place(int(apart[k])))
+            self._add_disagreement(some, lambda k: row_origin(int(apart[k])))
         for names in prediction.slack.values():
             self.slack.update(names)
         self.slack_rows += len(prediction.slack)
@@ -110,23 +115,23 @@ class Loads:
         return np.asarray(compared & redundant & self.model.in_doubt(prediction.misfit))
 
     def _add_limits(
-        self, solved: NDArray[np.bool_], forces: Array, tensions: Array, place: Callable[[int], RowOrigin]
+        self, solved: NDArray[np.bool_], forces: Array, tensions: Array, row_origin: Callable[[int], RowOrigin]
     ) -> None:
         """Forces (N, A) above limits and tensions (N, R) below theirs."""
         for k, actuator in enumerate(self.model.actuators):
             over = solved & (forces[:, k] > actuator.force_limit)
-            self.over.setdefault(actuator.name, _Worst()).add(over, forces[:, k], place)
+            self.over.setdefault(actuator.name, _Worst()).add(over, forces[:, k], row_origin)
         for k, rope in enumerate(self.model.least_tensions):
             below = solved & (tensions[:, k] < rope.tension)
-            self.low_tension.setdefault(rope.name, _Worst()).add(below, -tensions[:, k], place)
+            self.low_tension.setdefault(rope.name, _Worst()).add(below, -tensions[:, k], row_origin)
 
-    def _add_disagreement(self, prediction: Prediction, place: Callable[[int], RowOrigin]) -> None:
+    def _add_disagreement(self, prediction: Prediction, row_origin: Callable[[int], RowOrigin]) -> None:
         """Rows whose drives hold positions that no pose satisfies within ranges and noise."""
         assert prediction.forces is not None
         forces, solved = np.abs(np.nan_to_num(prediction.forces)), prediction.solved
-        self.apart.add(solved, prediction.misfit * self.model.length, place)
+        self.apart.add(solved, prediction.misfit * self.model.length, row_origin)
         largest = self.force.value
-        self.force.add(solved, forces.max(axis=1), place)
+        self.force.add(solved, forces.max(axis=1), row_origin)
         if self.force.value > largest:
             row = int(np.argmax(np.where(solved, forces.max(axis=1), -np.inf)))
             self.drive = self.model.actuators[int(np.argmax(forces[row]))].name
@@ -140,14 +145,14 @@ class Loads:
             if worst.rows:
                 limit, value = self._force(actuator.name, actuator.force_limit), self._force(actuator.name, worst.value)
                 message = f"force of `{actuator.name}` above its `force_limit` of {limit}"
-                out.append(f"warning: {message} in {self._rows(worst)}: up to {value} at {worst.place}")
+                out.append(f"warning: {message} in {self._rows(worst)}: up to {value} at {worst.row_origin}")
         for rope in self.model.least_tensions:
             worst = self.low_tension.get(rope.name, _Worst())
             if worst.rows:
                 newton = parse_unit("N")
                 message = f"tension of rope `{rope.name}` below its `t_min` of {handy(rope.tension, newton)}"
                 least = handy(max(-worst.value, 0.0), newton)
-                out.append(f"warning: {message} in {self._rows(worst)}: down to {least} at {worst.place}")
+                out.append(f"warning: {message} in {self._rows(worst)}: down to {least} at {worst.row_origin}")
         if self.apart.rows:
             expected = handy(self.model.expected_misfit * self.model.length, parse_unit("mm"))
             by_ranges = self.model.explained_misfit > LEAST_MISFIT
@@ -155,7 +160,8 @@ class Loads:
             most = handy(self.apart.value, parse_unit("mm"))
             message = f"the actuators strain the structure by up to {most} in {self._rows(self.apart)}"
             why = f"more than {limit} ({expected}): they disagree, or loads are large"
-            force = f"forces up to {self._force(self.drive, self.force.value)} (`{self.drive}` at {self.force.place})"
+            most = self._force(self.drive, self.force.value)
+            force = f"forces up to {most} (`{self.drive}` at {self.force.row_origin})"
             out.append(f"warning: {message}, {why}; {force}")
         return out
 

@@ -91,14 +91,14 @@ def _reprap_delta(c: Constants) -> list[str]:
     return lines + _switches(drives, lambda t: f"height + stop_{t}", lambda t: f"rod_{t}", "radius")
 
 
-def _anchored(c: Constants, names: Sequence[str], place: Callable[[str, str], str]) -> tuple[list[str], list[str]]:
+def _anchored(c: Constants, names: Sequence[str], name_of: Callable[[str, str], str]) -> tuple[list[str], list[str]]:
     """Parameters, and parts, of lines from anchors; `place`: name of the coordinate of an anchor."""
-    parameters = [_parameter(place(n, x), c[place(n, x)]) for n in names for x in "xyz"]
+    parameters = [_parameter(name_of(n, x), c[name_of(n, x)]) for n in names for x in "xyz"]
     parameters.append(
         f"  EA: {{nominal: {_EA}, range: {_EA // 2}, unit: N, identify: false, note: of the lines; a guess}}"
     )
     parts = ["", "ground:"]
-    parts += [f"  anchor_of_{n}: [{', '.join(place(n, x) for x in 'xyz')}]" for n in names]
+    parts += [f"  anchor_of_{n}: [{', '.join(name_of(n, x) for x in 'xyz')}]" for n in names]
     parts += ["nodes: {nozzle: [0, 0, 0]}", "ropes:"]
     return parameters, parts + [f"  line_{n}: {{between: [anchor_of_{n}, nozzle], EA: EA}}" for n in names]
 

@@ -25,10 +25,14 @@ class VerificationReport:
     """A verification, ready to be shown; `judged`: by a tolerance, where there is one, in its unit."""
 
     def __init__(
-        self, verification: Verification, judged: Judged | None, unit: Unit | None, place: Callable[[int], RowOrigin]
+        self,
+        verification: Verification,
+        judged: Judged | None,
+        unit: Unit | None,
+        row_origin: Callable[[int], RowOrigin],
     ) -> None:
-        self.verification, self.judged, self.unit, self.place = verification, judged, unit, place
-        self.failed = FailedRows(verification.failed, place, len(verification.problem))
+        self.verification, self.judged, self.unit, self.row_origin = verification, judged, unit, row_origin
+        self.failed = FailedRows(verification.failed, row_origin, len(verification.problem))
         self.normalised = verification.normalised
 
     @property
@@ -79,7 +83,7 @@ class VerificationReport:
         j = self.judged
         if j is None or (k := j.points.worst) is None:
             return []
-        unit, at = self.unit, self.place(int(j.points.rows[k]))
+        unit, at = self.unit, self.row_origin(int(j.points.rows[k]))
         assert unit is not None
         e, u = (f"{unit.from_si(float(x[k])):.4g}" for x in (j.points.errors, j.points.expanded))
         return [f"largest position error: {e} {unit.text}, U {u} {unit.text} (k = 2), at {at}"]
@@ -120,16 +124,16 @@ class VerificationReport:
             "channels": self._channels(),
             "above": [self._reading(r, k) for r, k in above],
             **self.failed.json(),
-            "tolerance": None if self.judged is None else tolerance_json(self.judged, self.unit, self.place),
+            "tolerance": None if self.judged is None else tolerance_json(self.judged, self.unit, self.row_origin),
         }
 
     def _reading(self, row: int, channel: int) -> dict[str, Any]:
         """A reading whose normalised error exceeds 1."""
-        about, place = self.verification.problem.model.channels[channel], self.place(row)
+        about, row_origin = self.verification.problem.model.channels[channel], self.row_origin(row)
         return {
-            "file": place.file,
-            "line": place.line,
-            "id": place.id or None,
+            "file": row_origin.file,
+            "line": row_origin.line,
+            "id": row_origin.id or None,
             "channel": about.name,
             "error": float(self.verification.errors[row, channel]) / parse_unit(about.unit).scale,
             "unit": about.unit,
@@ -137,11 +141,11 @@ class VerificationReport:
         }
 
 
-def tolerance_json(j: Judged, unit: Unit | None, place: Callable[[int], RowOrigin] | None) -> dict[str, Any]:
-    """A verdict on a tolerance, in its unit; place: of a row, None where rows are not told."""
+def tolerance_json(j: Judged, unit: Unit | None, row_origin: Callable[[int], RowOrigin] | None) -> dict[str, Any]:
+    """A verdict on a tolerance, in its unit; row_origin: of a row, None where rows are not told."""
     assert unit is not None
     worst = j.points.worst
-    there = None if worst is None or place is None else place(int(j.points.rows[worst]))
+    there = None if worst is None or row_origin is None else row_origin(int(j.points.rows[worst]))
     return {
         "value": unit.from_si(j.tolerance),
         "unit": unit.text,

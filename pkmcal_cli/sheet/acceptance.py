@@ -62,8 +62,8 @@ class Acceptance:
         basis += "values in the table."
         return section("acceptance", "Acceptance figures", [Text(basis) if measured else None, *blocks])
 
-    def _at(self, place: Sequence[tuple[str, float]]) -> str:
-        return ", ".join(f"{name} = {self.results.place_text(value)}" for name, value in place)
+    def _at(self, coordinates: Sequence[tuple[str, float]]) -> str:
+        return ", ".join(f"{name} = {self.results.place_text(value)}" for name, value in coordinates)
 
     def _axes(self) -> Table | None:
         rows = []
@@ -106,10 +106,10 @@ class Acceptance:
 
     def json(self) -> dict[str, Any]:
         """For programs: lengths in the unit of the sheet, places in that of the machine file."""
-        size, place = self.results.length_unit, self.results.machine.file_units.length
+        size, unit = self.results.length_unit, self.results.machine.file_units.length
 
         def at(values: Sequence[tuple[str, float]]) -> dict[str, float]:
-            return {name: value / place.scale for name, value in values}
+            return {name: value / unit.scale for name, value in values}
 
         def figures(of: object, names: Sequence[str]) -> dict[str, float]:
             return {name: getattr(of, name) / size.scale for name in names}
@@ -119,11 +119,11 @@ class Acceptance:
             radius, deviation = self.circle
             feed = None if self.results.feed is None else self.results.feed * _MM_PER_MIN
             sizes = figures(deviation, ("circular", "largest", "smallest"))
-            circle = {**sizes, "radius": radius / place.scale, "feed": feed}
+            circle = {**sizes, "radius": radius / unit.scale, "feed": feed}
         return {
             "state": self.state,
             "unit": size.text,
-            "at_unit": place.text,
+            "at_unit": unit.text,
             "axes": [
                 {"axis": r.coordinate, "at": at(r.others), "targets": len(r.figures.targets)}
                 | {"approaches": r.figures.approaches, **figures(r.figures, _AXIS)}

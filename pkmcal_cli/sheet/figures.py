@@ -37,9 +37,9 @@ def drawing(results: Results) -> Section | None:
     for row in order[:_TRIED]:
         shape = machine_shape(loaded, fit.values, problem.rows, int(row))
         if not isinstance(shape, str):
-            place = results.row_text(int(row))
-            picture = machine_picture(shape, _titles(results, f"identified, {place}"))
-            caption = f"The machine at {place}: grey as the control believes, black as identified, exaggerated."
+            row_origin = results.row_text(int(row))
+            picture = machine_picture(shape, _titles(results, f"identified, {row_origin}"))
+            caption = f"The machine at {row_origin}: grey as the control believes, black as identified, exaggerated."
             return section("machine", "The machine", [Figure(picture, caption)])
     return None
 

@@ -75,16 +75,16 @@ class Results:
             return self.verified.judged
         return Judged(self.before[0], self.tolerance[0])
 
-    def place(self, row: int) -> str:
+    def row_origin(self, row: int) -> str:
         """A row of the table that is judged, in short."""
         if self.verified is not None:
-            there = self.verified.place(row)
+            there = self.verified.row_origin(row)
             return f"line {there.line}" + (f" ({there.id})" if there.id else "")
         return self.row_text(row)
 
     def row_text(self, row: int) -> str:
         """A row of the measurements, without the folder of its file."""
-        return os.path.basename(self.measured.place(row))
+        return os.path.basename(self.measured.row_origin(row))
 
     @property
     def length_unit(self) -> Unit:

@@ -20,12 +20,12 @@ def sheet_json(results: Results, figures: Acceptance | None) -> dict[str, Any]:
     with_causes = None
     if improved is not None and improved.improvement.accepted:
         with_causes = figures_json(machine, improved.improvement.after.report)
-    place = None if results.verified is None else results.verified.place
+    row_origin = None if results.verified is None else results.verified.row_origin
     return {
         "verdict": judgement.word.lower(),
         "headline": judgement.headline,
         "lines": list(judgement.lines),
-        "tolerance": None if judged is None else tolerance_json(judged, results.length_unit, place),
+        "tolerance": None if judged is None else tolerance_json(judged, results.length_unit, row_origin),
         "errors": {
             "as_built": figures_json(machine, report.before),
             "calibrated": figures_json(machine, report.after),

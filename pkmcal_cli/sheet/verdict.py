@@ -137,7 +137,7 @@ def _judged_error(results: Results, judged: Judged) -> str:
     if results.diagnosis is not None and results.diagnosis.diagnosis.findings and results.verified is None:
         state += ", its causes not corrected"
     k = judged.points.worst
-    where = "" if k is None else f", largest at {results.place(int(judged.points.rows[k]))}"
+    where = "" if k is None else f", largest at {results.row_origin(int(judged.points.rows[k]))}"
     built = results.calibrated.before.get("position")
     old = "" if built is None else f" As built (nominal dimensions): {results.length_text(built.largest)}."
     return f"Judged: position errors of {state}{where}.{old}"

@@ -109,14 +109,14 @@ def _unit_of(reader: TableReader, column: Column, index: int, log: FaultLog) -> 
         return column.si_unit, column.unit is not None
     if cell.unit == column.unit_name:  # it may be the machine's own, of which nobody else knows
         return column.si_unit, False
-    place = reader.format.header_line, index
+    line_column = reader.format.header_line, index
     hint = f"write, for example, `{column.header} [{column.unit_name}]`" if column.unit else "delete the unit"
     try:
         unit = parse_unit(cell.unit, (column.physical,))
     except UnitError as error:
         near = error.hint if error.hint and error.hint.startswith("did you mean") else None
         log.add(
-            Flaw("csv-unit", f"{error.message} in column `{cell.text}`", near or hint, *place),
+            Flaw("csv-unit", f"{error.message} in column `{cell.text}`", near or hint, *line_column),
             reader.header_source(),
         )
         return column.si_unit, False
@@ -124,7 +124,7 @@ def _unit_of(reader: TableReader, column: Column, index: int, log: FaultLog) -> 
         message = (
             f"column `{cell.text}`: `{cell.unit}` is a unit of {unit.dimension}, but this is {_a(column.dimension)}"
         )
-        log.add(Flaw("csv-unit", message, hint, *place), reader.header_source())
+        log.add(Flaw("csv-unit", message, hint, *line_column), reader.header_source())
     return unit, False
 
 

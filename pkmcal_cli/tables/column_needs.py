@@ -135,8 +135,8 @@ class Needs:
             near = next((c for c in lost if is_near(cell, c)), None)
             if near is not None and self.reader.first_cell(index):
                 message = f"column `{cell.text}` is not used and channel `{near.name}` has no column"
-                place = self.reader.format.header_line, index
-                flaw = Flaw("csv-missing", message, did_you_mean_column(cell, near), *place)
+                line_column = self.reader.format.header_line, index
+                flaw = Flaw("csv-missing", message, did_you_mean_column(cell, near), *line_column)
                 self.log.add(flaw, self.reader.header_source())
 
     def _no_targets(self) -> None:

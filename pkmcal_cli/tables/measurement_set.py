@@ -96,7 +96,7 @@ class Measurements:
         """The `id` of every row, "" without."""
         return self.labels.get("id", ("",) * len(self))
 
-    def place(self, row: int) -> str:
+    def row_origin(self, row: int) -> str:
         """Where a row stands: "session1.csv:17", with its id "session1.csv:17 (p15)"."""
         name = self.labels["id"][row] if "id" in self.labels else ""
         return f"{self.files[self.file_index[row]]}:{self.line[row]}" + (f" ({name})" if name else "")

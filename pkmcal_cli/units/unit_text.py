@@ -206,9 +206,9 @@ class _UnitParser:
         """Whether the text has a dimension that is expected with `unit` in the place of the last token taken."""
         if not self.fitting:
             return True
-        place = len(self.all) - len(self.tokens) - 1
+        last = len(self.all) - len(self.tokens) - 1
         try:
-            made = parse_unit(" ".join((*self.all[:place], unit, *self.all[place + 1 :])))
+            made = parse_unit(" ".join((*self.all[:last], unit, *self.all[last + 1 :])))
         except UnitError:
             return False
         return any(made.dimension.fits(dimension) for dimension in self.fitting)

@@ -95,7 +95,7 @@ class _Setting:
 
     def show_loads(self, poses: PoseSet) -> None:
         """Warnings of forces above limits and of slack ropes."""
-        Loads.of(self.loaded.model, self.values, poses.poses.rows, poses.poses.place).show(self.to)
+        Loads.of(self.loaded.model, self.values, poses.poses.rows, poses.poses.row_origin).show(self.to)
 
 
 def _prepare(request: AnalysisRequest, to: Listener, machine: LoadedMachine | None = None) -> _Setting:
@@ -248,7 +248,7 @@ def observed(request: AnalysisRequest, to: Listener, machine: LoadedMachine | No
     return Observed(
         result=result,
         problem=problem,
-        loads=Loads.of(model, s.values, poses.poses.rows, poses.poses.place),
+        loads=Loads.of(model, s.values, poses.poses.rows, poses.poses.row_origin),
         failed=predicted.failed,
         tool=predicted.tool,
         missed=tuple(n for n in s.selected if n in lost & named(model, request.select or "")),

@@ -28,7 +28,7 @@ from pkmcal_cli.gross_errors.hints import (
     sample_at,
 )
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_measurements, load_parameters
-from pkmcal_cli.loading.poses import place_of
+from pkmcal_cli.loading.poses import origin_of
 from pkmcal_cli.prediction import WarmStart
 from pkmcal_cli.prediction.unknown_shapes import outside_knots
 from pkmcal_cli.report.calibration import CalibrationReport
@@ -141,7 +141,7 @@ def setting(request: CalibrationRequest, machine: LoadedMachine | None = None) -
     start = replace(start, warnings=(*start.warnings, *moved))
     if not problem.count:
         raise BadInput([nothing_measured(loaded, problem)])
-    absurd = absurd_rows(problem, lambda row: place_of(measured, row))
+    absurd = absurd_rows(problem, lambda row: origin_of(measured, row))
     if absurd:
         raise BadInput(absurd)
     return CalibrationSetting(
@@ -169,10 +169,10 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
     for text in outside_text(outside_knots(s.problem.model, s.problem.rows)):
         to.warn(text)
     s = _determined(s, states, to)
-    options, place = s.request.fit_options, partial(place_of, s.measured)
+    options, row_origin = s.request.fit_options, partial(origin_of, s.measured)
     gross = () if hints else rows_beyond_noise(s.problem, s.selected, s.start.values, states)
     if gross and options.loss == "squares":
-        hints = (*hints, far_off_text(gross, place))
+        hints = (*hints, far_off_text(gross, row_origin))
         to.warn(f"warning: {hints[-1]}")
     if hints:  # no start mends a wrong column, and what does not converge soon never will
         options = replace(options, starts=options.starts or 1)
@@ -190,7 +190,7 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
     for text in computed.exact:
         to.warn(f"warning: {text}")
     mistakes = (*hints, *computed.commanded)
-    return Calibrated(s, CalibrationReport(s.loaded.machine, s.problem, robust_fit, held, place, mistakes))
+    return Calibrated(s, CalibrationReport(s.loaded.machine, s.problem, robust_fit, held, row_origin, mistakes))
 
 
 def _say_of_files(s: CalibrationSetting, to: Listener) -> None:

@@ -210,11 +210,11 @@ def _substructure_fault(loaded: LoadedMachine) -> list[Fault]:
         return []
     units = loaded.machine.file_units
     names = loaded.model.freedoms.coordinates
-    place = ", ".join(
+    at = ", ".join(
         f"{name} = {readable(float(value), units.unit(LENGTH if name in ('x', 'y', 'z') else ANGLE))}"
         for name, value in zip(names, substructure.pose, strict=True)
     )
-    message = f"without the redundant actuators, the platform is not held in part of the workspace, e.g. at {place}"
+    message = f"without the redundant actuators, the platform is not held in part of the workspace, e.g. at {at}"
     hint = "only `--method linear` and `rigid` refer to the actuators that are not redundant; they may fail there"
     if substructure.better:
         hint += f". No such pose was found with {' and '.join(substructure.better[0])} redundant instead"
@@ -257,7 +257,7 @@ def _check_tables(
     from pkmcal_cli.calibration.residual import evaluate
     from pkmcal_cli.calibration.verification import own_of
     from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured
-    from pkmcal_cli.loading.poses import place_of
+    from pkmcal_cli.loading.poses import origin_of
     from pkmcal_cli.report.loads import Loads
 
     to.notes(measured.notes)
@@ -270,19 +270,19 @@ def _check_tables(
         values = np.where([n in of_campaign for n in problem.model.names], values, start.values)
     prediction = evaluate(problem, values).prediction
     lost = np.nonzero(~prediction.solved)[0]
-    faults = [place_of(measured, int(k)).fault(prediction.reason(int(k))) for k in lost[:MAX_FAULTS]]
+    faults = [origin_of(measured, int(k)).fault(prediction.reason(int(k))) for k in lost[:MAX_FAULTS]]
     with to.step("whether the table fits the machine"):
         messages = measurement_hints(loaded, problem, values, measured, prediction.start)
     hints = [Fault("plausibility", text) for text in messages]
     copied = copied_rows(problem, measured)
     for text in copied:
         to.warn(f"warning: {text}")
-    hints += absurd_rows(problem, lambda row: place_of(measured, row))
+    hints += absurd_rows(problem, lambda row: origin_of(measured, row))
     if not problem.count:
         hints.append(nothing_measured(loaded, problem))
     sessions = count(len(measured.sessions), "session")
     to.say(f"{count(len(problem), 'row')}, {count(problem.count, 'measured value')}, {sessions}")
-    loads = Loads.of(problem.model, problem.model.nominal, problem.rows, partial(place_of, measured), prediction.start)
+    loads = Loads.of(problem.model, problem.model.nominal, problem.rows, partial(origin_of, measured), prediction.start)
     loads.show(to)
     counts = {"n_rows": len(problem), "n_values": problem.count, "sessions": list(measured.sessions)}
     counts["warnings"] = [*(f.what for f in measured.warnings), *copied, *loads.warnings]

@@ -90,12 +90,12 @@ def _check_limits(limits: Sequence[Gate], kinds: Sequence[str]) -> None:
             raise UsageError(f"{gate.option}: `{gate.text}` is no limit {words}", hint=f'write e.g. "{fitting} 20 um"')
 
 
-def _judge(limits: Sequence[Gate], figures: Figures, place: str, to: Reporter) -> tuple[list[dict[str, Any]], bool]:
+def _judge(limits: Sequence[Gate], figures: Figures, location: str, to: Reporter) -> tuple[list[dict[str, Any]], bool]:
     """Limits as JSON has them, and whether one is missed; these are told."""
     judged = [gate.judged(figures) for gate in limits]
     for each in judged:
         if not each.kept:
-            to.fail(each.fault(Location(place)))
+            to.fail(each.fault(Location(location)))
     return [each.json() for each in judged], any(not each.kept for each in judged)
 
 

@@ -12,7 +12,7 @@ from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.outputs import check_folder
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis, Verdict, diagnose
-from pkmcal_cli.loading.poses import place_of
+from pkmcal_cli.loading.poses import origin_of
 from pkmcal_cli.pictures.titles import Titles, titles
 from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.diagnosis import DiagnosisReport
@@ -62,7 +62,7 @@ def run_diagnosis(request: DiagnosisRequest) -> int:
     diagnosis = diagnosed(case, request.alpha, request.seed, to)
     report = DiagnosisReport(case.loaded.machine, case.measured, diagnosis)
     report.show(to)
-    Loads.of_fit(diagnosis.search.problem, diagnosis.search.fit, partial(place_of, case.measured)).show(to)
+    Loads.of_fit(diagnosis.search.problem, diagnosis.search.fit, partial(origin_of, case.measured)).show(to)
     _draw(request, case, diagnosis, to)
     failed = diagnosis.verdict in fails_on
     if request.quiet and failed:

@@ -49,7 +49,7 @@ class _Row:
 
     rows: Rows
     number: int
-    place: RowOrigin
+    row_origin: RowOrigin
     inputs: dict[str, str]
     notes: tuple[str, ...] = ()
 
@@ -74,7 +74,7 @@ def run_drawing(request: DrawingRequest) -> int:
     if request.output is not None:
         inputs = loaded.inputs | start.inputs | row.inputs
         files = [f for f in (request.parameters, request.poses) if f is not None]
-        named = titles(request.machine, _place_text(row.place), files)
+        named = titles(request.machine, _origin_text(row.row_origin), files)
         picture = machine_picture(shape, named, scale=factor, forces=request.forces)
         write_picture(picture, request.output, inputs, force=request.force)
         to.say(f"written: {request.output}")
@@ -102,28 +102,28 @@ def _row(request: DrawingRequest, loaded: LoadedMachine) -> _Row:
     """The row that is asked for. Raises BadInput where it is out of reach, UsageError where there is none."""
     if request.poses is None and request.grid is None:
         poses = reference_poses(loaded.model)
-        return _Row(rows=poses.rows, number=0, place=poses.place(0), inputs={})
+        return _Row(rows=poses.rows, number=0, row_origin=poses.row_origin(0), inputs={})
     source = PoseSource(loaded=loaded, path=request.poses, grid=request.grid)
     seen, number, drawn = 0, request.row or 1, None
     for block in source:
         at = number - 1 - seen
         if drawn is None and at < len(block):
             if not block.reachable[at]:
-                raise BadInput([block.place(at).fault(OUT_OF_REACH)])
-            drawn = block.rows, at, block.place(at)
+                raise BadInput([block.row_origin(at).fault(OUT_OF_REACH)])
+            drawn = block.rows, at, block.row_origin(at)
             if source.grid is not None:
                 break
         seen += len(block)
     if drawn is None:
         raise UsageError(f"--row {number}: there are {count(seen, 'row')}", hint=f"give a number from 1 to {seen}")
-    return _Row(rows=drawn[0], number=drawn[1], place=drawn[2], inputs=source.inputs, notes=source.notes)
+    return _Row(rows=drawn[0], number=drawn[1], row_origin=drawn[2], inputs=source.inputs, notes=source.notes)
 
 
 def _solved(loaded: LoadedMachine, start: Start, row: _Row) -> MachineShape:
     """The machine in its row. Raises BadInput where it cannot be solved."""
     shape = machine_shape(loaded, start.values, row.rows, row.number)
     if isinstance(shape, str):
-        raise BadInput([row.place.fault(shape)])
+        raise BadInput([row.row_origin.fault(shape)])
     return shape
 
 
@@ -136,7 +136,7 @@ def _show(request: DrawingRequest, shape: MachineShape, factor: float, row: _Row
             to.say(line)
         to.say()
         to.say(LEGEND)
-    to.say(f"{row.place}: {_displaced(shape, factor)}" + (BELIEVED if request.output is None and largest else ""))
+    to.say(f"{row.row_origin}: {_displaced(shape, factor)}" + (BELIEVED if request.output is None and largest else ""))
     if largest:
         to.say(f"largest displacement: {handy(largest, parse_unit('mm'))}, of {point}")
     if request.forces:
@@ -146,11 +146,11 @@ def _show(request: DrawingRequest, shape: MachineShape, factor: float, row: _Row
         to.table("Axial forces of members (+ pulls)", ("member", "force"), members)
 
 
-def _place_text(place: RowOrigin) -> str:
+def _origin_text(row_origin: RowOrigin) -> str:
     """Where a row stands, in a title that names its file."""
-    if place.file is None:
-        return str(place).removeprefix("the ").removeprefix("--")
-    return f"line {place.line}" + (f" ({place.id})" if place.id else "")
+    if row_origin.file is None:
+        return str(row_origin).removeprefix("the ").removeprefix("--")
+    return f"line {row_origin.line}" + (f" ({row_origin.id})" if row_origin.id else "")
 
 
 def _displaced(shape: MachineShape, factor: float) -> str:
@@ -162,7 +162,7 @@ def _displaced(shape: MachineShape, factor: float) -> str:
 def _json(shape: MachineShape, factor: float, row: _Row) -> dict[str, Any]:
     """The same for JSON: places in m, displacements in um, forces in N or N m."""
     return {
-        "row": str(row.place),
+        "row": str(row.row_origin),
         "scale": factor,
         "tool_point": shape.tool,
         "places": [

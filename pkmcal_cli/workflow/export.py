@@ -80,7 +80,7 @@ def exported(
 
 def _named(case: ExportCase, targets: Targets) -> ExportCase:
     numbers = [int(case.made.kept[k]) for k in case.usable]
-    names = [_one_line(targets.place(n).id or str(n + 1)) for n in numbers]
+    names = [_one_line(targets.row_origin(n).id or str(n + 1)) for n in numbers]
     return replace(case, names=names)
 
 

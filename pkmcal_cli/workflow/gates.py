@@ -182,7 +182,7 @@ def missed_limits(judged: Iterable[Judged], loaded: LoadedMachine, table: str) -
     """Limits that are missed: at the parameter that they name, else in a table."""
     source = loaded.machine.source
 
-    def place(name: str) -> Location | None:
+    def location(name: str) -> Location | None:
         return source.fault("", "", ("parameters", name), at_key=True).where if name else Location(table)
 
-    return [each.fault(place(each.gate.figure.partition(":")[2])) for each in judged if not each.kept]
+    return [each.fault(location(each.gate.figure.partition(":")[2])) for each in judged if not each.kept]

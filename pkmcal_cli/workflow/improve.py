@@ -23,7 +23,7 @@ from pkmcal_cli.diagnosis.hypotheses import Candidates
 from pkmcal_cli.diagnosis.rotations import FEWEST_TO_SPLIT
 from pkmcal_cli.gross_errors.hints import nothing_measured
 from pkmcal_cli.loading.load_machine import LoadedMachine, load_measurements
-from pkmcal_cli.loading.poses import place_of
+from pkmcal_cli.loading.poses import origin_of
 from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.improvement import ImprovementReport
 from pkmcal_cli.report.loads import Loads
@@ -85,7 +85,7 @@ def run_improvement(request: ImproveRequest) -> int:
     report, odd = improved.report, improved.odd
     improvement = report.improvement
     report.show(to)
-    Loads.of_fit(improvement.problem, improvement.fit, partial(place_of, case.measured)).show(to)
+    Loads.of_fit(improvement.problem, improvement.fit, partial(origin_of, case.measured)).show(to)
     _tell(odd[len(case.hints) :], to)
     if odd and request.accept:
         to.say("accepted (`--accept`)")

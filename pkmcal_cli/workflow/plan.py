@@ -117,7 +117,7 @@ def run_plan(request: PlanRequest) -> int:
     report.show(to)
     drawn = PlannedRows(values, problem.rows, None if added is None else added.points.rows)
     draw_plan(_plot(request, inputs), plan, loaded, drawn, to)
-    Loads.of(problem.model, values, problem.rows, used.poses.place).show(to)
+    Loads.of(problem.model, values, problem.rows, used.poses.row_origin).show(to)
     if ways is not None:
         rows = problem.rows if added is None else with_rows(problem, added.points).rows
         _write(request, loaded, rows, ways if towards is None else ways.followed_by(towards), inputs, to)

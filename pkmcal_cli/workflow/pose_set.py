@@ -47,8 +47,8 @@ class PoseSet:
     def failed(self) -> FailedRows:
         """Those that are not."""
         if self.skipping:
-            return SkippedPoints(self.lost, self.every.place, len(self.every), self.skipping)
-        return FailedRows(self.lost, self.every.place, len(self.every))
+            return SkippedPoints(self.lost, self.every.row_origin, len(self.every), self.skipping)
+        return FailedRows(self.lost, self.every.row_origin, len(self.every))
 
     def with_readings(self, readings: Array, touched: Channels | None = None) -> PoseSet:
         """The set with other drive readings (n, A) of the poses that are used, and probes that touch there (n, C)."""
@@ -69,7 +69,7 @@ class PoseSet:
     def without_points(self, reasons: Mapping[int, str]) -> PoseSet:
         """The same where poses may fail. Raises BadInput for rows of a table, all of which count."""
         if reasons and not self.skipping:
-            raise failed_rows(self.poses.place, dict(reasons))
+            raise failed_rows(self.poses.row_origin, dict(reasons))
         return self.without(reasons)
 
 

@@ -21,7 +21,7 @@ from pkmcal_cli.diagnosis.hypotheses import Candidates, candidates
 from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured
 from pkmcal_cli.loading.covariates import derived_directions
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_measurements, load_parameters
-from pkmcal_cli.loading.poses import place_of
+from pkmcal_cli.loading.poses import origin_of
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.workflow.arguments import one_stdin, selection
 from pkmcal_cli.workflow.determined import determined
@@ -104,7 +104,7 @@ def prepare(
     if not problem.count:
         raise BadInput([nothing_measured(loaded, problem)])
     _enough(problem, measured, selected, fewest)
-    if absurd := absurd_rows(problem, lambda row: place_of(measured, row)):
+    if absurd := absurd_rows(problem, lambda row: origin_of(measured, row)):
         raise BadInput(absurd)
     case = Case(
         loaded=loaded,

@@ -34,7 +34,7 @@ def write_shifts(
     columns: list[tuple[str, str | None]] = [("id", None)]
     columns += [(name, unit_along(units, name).text) for name in result.coordinates]
     columns += [(f"shift.{name}", fine) for name in result.names]
-    places = [poses.poses.place(int(k)) for k in done]
+    places = [poses.poses.row_origin(int(k)) for k in done]
     cells: list[Values] = [[p.id or str(p.line or 1) for p in places]]
     cells += list(np.round(result.prediction.values[done], _PLACES).T + 0.0)
     cells += list(result.shifts[done, result.coordinates.index(coordinate)].T)

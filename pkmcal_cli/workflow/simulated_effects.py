@@ -54,7 +54,7 @@ def run_simulated_effects(machine: str, request: EffectsRequest) -> int:
         simulated = simulated_effects(candidates, problem, values, selected, still)
     report = EffectsReport(problem.model, len(problem), simulated, _absent(loaded, model, candidates))
     report.show(to)
-    Loads.of(problem.model, values, problem.rows, poses.poses.place, still.start).show(to)
+    Loads.of(problem.model, values, problem.rows, poses.poses.row_origin, still.start).show(to)
     unstrained = request.parameters is None and loaded.compiled.mobility.redundancy > 0
     if unstrained and any(s.reason == UNLOADED for s in simulated):
         to.say(UNSTRAINED)
@@ -89,7 +89,7 @@ def _predicted(
     still = predict(model, values, with_directions(poses.poses.rows, names), Request(forces=True))
     if reasons := {int(k): still.reason(int(k)) for k in np.nonzero(~still.solved)[0]}:
         if len(reasons) == len(poses.kept):
-            raise failed_rows(poses.poses.place, reasons)
+            raise failed_rows(poses.poses.row_origin, reasons)
         return _predicted(to, units, model, values, poses.without(reasons))
     poses.failed.show(to)
     rows, measured = with_directions(poses.poses.rows, names), poses.poses.measured

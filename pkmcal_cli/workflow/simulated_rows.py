@@ -40,4 +40,4 @@ class Tally:
         self.n_failed += len(reasons)
         self.by_reason.update(reasons.values())
         room = _LISTED - len(self.failed)
-        self.failed += [(block.place(k), reasons[k]) for k in sorted(reasons)[: max(room, 0)]]
+        self.failed += [(block.row_origin(k), reasons[k]) for k in sorted(reasons)[: max(room, 0)]]

@@ -204,7 +204,7 @@ class Simulation:
         prediction = predict(self.model, self.values, driven.take(reachable), asked, progress=tick)
         reasons = {int(reachable[k]): prediction.reason(int(k)) for k in np.nonzero(~prediction.solved)[0]}
         tally.fail(block, reasons | lost)
-        self.loads.add(self.values, driven.take(reachable), prediction, lambda k: block.place(int(reachable[k])))
+        self.loads.add(self.values, driven.take(reachable), prediction, lambda k: block.row_origin(int(reachable[k])))
         good = np.nonzero(prediction.solved)[0]
         rows = reachable[good]
         tally.outside.update(outside_knots(self.model, block.rows.take(rows)))
@@ -213,7 +213,7 @@ class Simulation:
         readings[:, known] = readings_at_touch(self.model, touched[rows])[:, known]
         tally.touched += int(touched[rows].any(axis=1).sum())
         tally.add(readings)
-        ids = [block.place(int(k)).id or str(tally.seen + int(k) + 1) for k in rows]
+        ids = [block.row_origin(int(k)).id or str(tally.seen + int(k) + 1) for k in rows]
         tally.seen += len(block)
         only, start = _only(prediction, good), prediction.start.take(good)
         u = self._uncertainties(block, rows, start)
@@ -245,14 +245,14 @@ class Simulation:
     def _uncertainties(self, block: Poses, rows: Array, start: WarmStart) -> list[Array]:
         if self.errors is None:
             return []
-        places = {k: block.place(int(row)) for k, row in enumerate(rows)}
+        places = {k: block.row_origin(int(row)) for k, row in enumerate(rows)}
         return self.errors.cells(block.rows.take(rows), start, places)
 
     def _tell_rows(self, to: Listener, by_row: bool) -> None:
         tally = self.tally
         to.say(f"{count(tally.rows, 'row')} simulated")
-        for place, reason in tally.failed[: _SHOWN if by_row else 0]:
-            to.fail(f"{place}: {reason}")
+        for row_origin, reason in tally.failed[: _SHOWN if by_row else 0]:
+            to.fail(f"{row_origin}: {reason}")
         if by_row and tally.n_failed > _SHOWN:
             to.fail(f"... and {tally.n_failed - _SHOWN} more")
         if by_row and tally.n_failed:

@@ -11,7 +11,7 @@ from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.verification import Known, judged, verified
 from pkmcal_cli.loading.evidence import Evidence
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start
-from pkmcal_cli.loading.poses import place_of
+from pkmcal_cli.loading.poses import origin_of
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.verification import VerificationReport
 from pkmcal_cli.tables.measurement_set import Measurements
@@ -49,7 +49,7 @@ def verify(
         raise unsolved(measured, failure.evaluation.prediction) from None
     limit, unit = tolerance or (None, None)
     by_limit = None if limit is None else judged(verification, limit)
-    report = VerificationReport(verification, by_limit, unit, partial(place_of, measured))
+    report = VerificationReport(verification, by_limit, unit, partial(origin_of, measured))
     report.show(to)
     return report
 

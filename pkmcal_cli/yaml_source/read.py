@@ -116,7 +116,7 @@ class _Builder:
         self.count = 0
         self.aliases = 0
 
-    def place(self, mark: Any) -> Location:
+    def location(self, mark: Any) -> Location:
         return Location(self.file, mark.line + 1, mark.column + 1)
 
     def fault(self, code: str, message: str, where: Location, hint: str | None = None) -> BadInput:
@@ -128,7 +128,7 @@ class _Builder:
             yield from yaml.parse(text, Loader=_LOADER)
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
-            where = self.place(mark) if mark else Location(self.file, 0)
+            where = self.location(mark) if mark else Location(self.file, 0)
             if "nesting depth" in (error.problem or ""):  # newer parsers look ahead, and have a limit of their own
                 raise self.fault("yaml", _TOO_DEEP, where, _LARGE) from None
             message = f"not valid YAML: {error.problem or error.context}"
@@ -160,7 +160,7 @@ class _Builder:
             elif isinstance(event, yaml.DocumentStartEvent):
                 documents += 1
                 if documents > 1:
-                    where = self.place(event.start_mark)
+                    where = self.location(event.start_mark)
                     raise self.fault("yaml", "a second document begins here", where, "keep only one document")
         return self.checked_root(root)
 
@@ -174,7 +174,7 @@ class _Builder:
         return root
 
     def node(self, event: Any, depth: int) -> tuple[SourceNode, _Open | None]:
-        where = self.place(event.start_mark)
+        where = self.location(event.start_mark)
         if isinstance(event, yaml.AliasEvent):
             return self.alias(event.anchor or "", where), None
         self.add(1, where)

@@ -71,8 +71,8 @@ def _options(lines: Sequence[Line]) -> Options:
         if head := _SECTION.fullmatch(text):
             sections[id(into)] = head[1].lower()
         elif not line[:1].isspace() and (option := _OPTION.fullmatch(text)):
-            place = each.at(line.index(option[1]) + 1)
-            into[sections[id(into)], option[1].lower()] = Stated(option[2], place)
+            location = each.at(line.index(option[1]) + 1)
+            into[sections[id(into)], option[1].lower()] = Stated(option[2], location)
     return saved | written
 
 

@@ -64,8 +64,8 @@ def _words(lines: Sequence[Line]) -> Words:
     for line in lines:
         if command := _COMMAND.fullmatch(_bare(line.text)):
             for word in _WORD.finditer(command[2]):
-                place = line.at(command.start(2) + word.start() + 1)
-                out[command[1], word[1].upper()] = Stated(word[2] or "", place)
+                location = line.at(command.start(2) + word.start() + 1)
+                out[command[1], word[1].upper()] = Stated(word[2] or "", location)
     return out
 
 
@@ -124,10 +124,10 @@ def _hangprinter(find: _Finder) -> dict[str, Stated]:
     out: dict[str, Stated] = {}
     for k in range(count):
         letter = _ANCHORS[k]
-        place = find.several("669", letter, [3, 1] if k == 3 else [3])
-        if len(place) == 1:  # before 3.5: only the height of D
-            place = [Stated("0", place[0].where), Stated("0", place[0].where), place[0]]
-        out |= {f"{letter}{axis}": value for axis, value in zip("xyz", place, strict=True)}
+        anchor = find.several("669", letter, [3, 1] if k == 3 else [3])
+        if len(anchor) == 1:  # before 3.5: only the height of D
+            anchor = [Stated("0", anchor[0].where), Stated("0", anchor[0].where), anchor[0]]
+        out |= {f"{letter}{axis}": value for axis, value in zip("xyz", anchor, strict=True)}
     for letter, name in (("R", "radius"), ("U", "folds"), ("L", "motor"), ("H", "spool")):
         values = find.several("666", letter, [count], positive=True, whole=letter != "R")
         out |= {f"{name}_{_ANCHORS[k]}": value for k, value in enumerate(values)}

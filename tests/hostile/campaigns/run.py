@@ -12,7 +12,7 @@ from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.gross_errors.hints import absurd_rows, measurement_hints, rows_far_off, sample_at
 from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine, load_measurements
-from pkmcal_cli.loading.poses import place_of
+from pkmcal_cli.loading.poses import origin_of
 from tests.command import MACHINES, clean, run
 from tests.hostile.campaigns.listed import Lie
 from tests.hostile.campaigns.sheet import Sheet
@@ -49,7 +49,7 @@ def before_the_fit(machine: str, files: Sequence[str]) -> End | None:
     except BadInput as error:
         return End("error", 3, tuple(f.text() for f in error.faults))
     problem = problem_of(_loaded(machine).model, data)
-    if absurd := absurd_rows(problem, lambda row: place_of(data, row)):
+    if absurd := absurd_rows(problem, lambda row: origin_of(data, row)):
         return End("error", 3, tuple(f.text() for f in absurd))
     hints = measurement_hints(_loaded(machine), problem, problem.model.nominal, data)
     hints = hints or rows_far_off(sample_at(_loaded(machine), problem, problem.model.nominal), data)
