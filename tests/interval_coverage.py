@@ -1,7 +1,8 @@
 """Do intervals hold where ranges and sigmas are wrong and parameters are held? `python -m tests.interval_coverage`.
 
-Writes the table of docs/coverage.md (hours on two cores); `--count N`: campaigns of every line (250); `--only TEXT
-...`: lines whose names contain one of these, the others stay as they are on the page; `--jobs N`: processes.
+Writes the table of docs/coverage.md (an hour on two cores); `--count N`: campaigns of every line, at least (250; more
+until a line has 2000 intervals); `--only TEXT ...`: lines whose names contain one of these, the others stay as they
+are on the page; `--jobs N`: processes.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -28,6 +29,8 @@ PAGE = Path(__file__).resolve().parents[1] / "docs" / "coverage.md"
 BLOCK = re.compile(r"(<!-- guesses -->\n).*?(<!-- end of guesses -->\n)", re.DOTALL)
 HEAD = "| machine | what is wrong | prior | campaigns | intervals | inside % | required | lowest % | std, ranges |"
 WILD = 20.0  # half ranges
+INTERVALS, MOST = 2000, 4  # intervals of a line, at least; campaigns over what was asked for, at most
+BATCH = 25
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,6 +142,18 @@ def _batch(alike: tuple[Case, ...], first: int, count: int) -> tuple[Array, Arra
     return inside.swapaxes(0, 1), std.swapaxes(0, 1)
 
 
+def _until_enough(pool: Executor, jobs: int, alike: tuple[Case, ...], count: int) -> tuple[Array, Array]:
+    """Inside, std (cases, n, p) of at least `count` campaigns, and so many that each case has enough intervals."""
+    parts: list[tuple[Array, Array]] = []
+    fewest = 0
+    while (done := len(parts) * BATCH) < count or (fewest < INTERVALS and done < MOST * count):
+        step = [pool.submit(_batch, alike, done + k * BATCH, BATCH) for k in range(jobs)]
+        parts += [future.result() for future in step]
+        fewest = int(np.isfinite(np.concatenate([inside for inside, _ in parts], axis=1)).sum(axis=(1, 2)).min())
+    inside, std = (np.concatenate([part[k] for part in parts], axis=1) for k in (0, 1))
+    return inside, std
+
+
 def line(case: Case, inside: Array, std: Array) -> str:
     """A row of the table."""
     share = 100 * float(np.nanmean(inside))
@@ -183,9 +198,7 @@ def main() -> None:
             of_machines.setdefault(case.machines, []).append(case)
     with ProcessPoolExecutor(chosen.jobs) as pool:
         for alike in of_machines.values():
-            sizes = [(k, min(25, chosen.count - k)) for k in range(0, chosen.count, 25)]
-            parts = [f.result() for f in [pool.submit(_batch, tuple(alike), *size) for size in sizes]]
-            inside, std = (np.concatenate([part[k] for part in parts], axis=1) for k in (0, 1))
+            inside, std = _until_enough(pool, chosen.jobs, tuple(alike), chosen.count)
             lines = [line(*row) for row in zip(alike, inside, std, strict=True)]
             print("\n".join(lines), flush=True)
             PAGE.write_text(on_page(PAGE.read_text(encoding="utf-8"), lines), encoding="utf-8")
