@@ -11,6 +11,8 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
+
 from pkmcal_cli.workflow.calibrate import run_calibration
 from pkmcal_cli.workflow.calibration import CalibrationRequest
 
@@ -45,12 +47,25 @@ def start_lines(effort: Effort) -> list[Line]:
     )
     note = f"`python -c pass` {1e3 * times.median('pass'):.0f} ms"
     return [
-        Line("`pkmcal --help` : `python -c pass`", times.ratio("help", "pass"), 8, note=note),
-        Line("`pkmcal check triglide.yaml` : `python -c pass`", times.ratio("check", "pass"), 45, note=note),
+        Line("`pkmcal --help` : `python -c pass`", times.ratio("help", "pass"), 5, note=note),
+        Line("`pkmcal check triglide.yaml` : `python -c pass`", times.ratio("check", "pass"), 25, note=note),
         Line("`pkmcal check triglide.yaml` : its libraries alone", times.ratio("check", "libraries")),
         Line("`pkmcal calibrate` on the Scissors : `import scipy.optimize`", times.ratio("calibrate", "scipy"), 1.5),
         Line("its libraries alone : `import scipy.optimize`", times.ratio("fitting", "scipy"), note="the floor"),
     ]
+
+
+def loop_lines(effort: Effort) -> Iterator[Line]:
+    """`diagnose` and `improve` as whole processes: a table of a workshop, and one of a machine of ropes."""
+    limits = {"diagnose": 2.0, "improve": 10.0}
+    with tempfile.TemporaryDirectory() as folder:
+        for machine, table in (("scissors", "scissors-shopfloor"), ("hangprinter", "hangprinter_2021-12-16")):
+            files = (str(MACHINES / f"{machine}.yaml"), str(MACHINES / f"{table}.csv"), "-q")
+            targets = {"diagnose": (), "improve": ("-o", str(Path(folder) / f"{machine}.yaml"), "--force")}
+            for command, limit in limits.items():
+                rounds = range(max(effort.rounds // 3, 1))
+                seconds = [_measured(command, *files, *targets[command])[0] for _ in rounds]
+                yield Line(f"`{command}` of {table}.csv", float(np.median(seconds)), limit, unit="s")
 
 
 def calibration_line(effort: Effort) -> Line:

@@ -39,6 +39,7 @@ def lines(effort: Effort, quick: bool) -> Iterator[Line]:
     yield program.calibration_line(effort)
     if not quick:
         yield from program.start_lines(effort)
+        yield from program.loop_lines(effort)
         yield from program.million_lines(effort)
         yield from program.memory_lines(effort)
 
