@@ -9,10 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.residual import chi_square, evaluate
+from pkmcal_cli.equilibrium.kinematics import State
+from pkmcal_cli.equilibrium.system_numbers import SystemNumbers
 from pkmcal_cli.loading.load_machine import load_machine
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.singular_drives import singular_drives
@@ -111,6 +114,33 @@ def test_assemblies_next_to_each_other_are_told_apart(redundant: int, tmp_path: 
     found = predict(m, m.nominal, Rows.at(read(pose, *CROOKED)))
     assert found.solved.all()
     assert np.abs(found.values - pose).max() < 1e-9
+
+
+@pytest.mark.parametrize("moved", [0.0, 0.01])
+def test_what_is_known_of_a_pose_holds_nearby_only(
+    moved: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A pose seen to be far from singular ones is not looked at again before it has moved; then it is."""
+    pose, readings = poses()
+    m = built(tmp_path, text(1, 1.0))
+    apart = 1e-4 * np.array([1, -1, 1, -1])  # m, of the legs: what no pose takes up is misfit
+    start = predict(m, m.nominal, Rows.at(readings + apart)).start
+    seen = np.nonzero(start.misfit > 0)[0]
+    assert len(seen) > 0.9 * COUNT
+    looked: list[int] = []
+    other_near = solving.no_other_near
+
+    def counted(model: Model, numbers: SystemNumbers, state: State, misfit: Array) -> NDArray[np.bool_]:
+        looked.append(int(np.isfinite(misfit).sum()))
+        return other_near(model, numbers, state, misfit)
+
+    monkeypatch.setattr(solving, "no_other_near", counted)
+    shifted = read(pose[seen] + np.array([moved, 0, 0]), FEET, PLATE) + apart
+    again = predict(m, m.nominal, Rows.at(shifted), start=start.take(seen))
+    assert sum(looked) > 0.9 * len(seen) if moved else not sum(looked)
+    cold = predict(m, m.nominal, Rows.at(shifted))
+    assert (again.status == cold.status).all()
+    np.testing.assert_allclose(again.values, cold.values, atol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.kinematics import State, place_prescribed, without_stress
 from pkmcal_cli.equilibrium.newton import Effort, NewtonOptions, newton
 from pkmcal_cli.equilibrium.released_drives import released_readings
+from pkmcal_cli.equilibrium.stability import definite
 from pkmcal_cli.equilibrium.status import RowStatus
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.equilibrium.system_numbers import SystemNumbers, system_numbers
@@ -187,14 +188,24 @@ def smallest_singular_value(jacobian: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(np.swapaxes(slopes, 1, 2) @ slopes)[:, 0], 0.0)))
 
 
-def sole_misfit(jacobian: Array) -> Array:
-    """Misfit (n,), in sizes, up to which no other assembly is near a pose with this Jacobian (n, D, f).
+def is_sole(jacobian: Array, misfit: Array) -> NDArray[np.bool_]:
+    """Tell where (n,) no other assembly is near a pose with this misfit (n,), in sizes, and Jacobian (n, D, f).
 
     Two assemblies lie on either side of a singular pose, about s apart (s: smallest singular value), and the worse one
-    keeps a misfit of the order of s^2: the less regular a pose is, the less misfit tells it from the right one.
+    keeps a misfit of the order of s^2: the less regular a pose is, the less misfit tells it from the right one. s^2 is
+    more than a bound where J^T J less the bound is positive definite, which is seen for less than s itself.
     """
-    s = np.maximum(smallest_singular_value(jacobian), REGULAR)
-    return np.asarray(np.minimum(LEAST_MISFIT, _FOLD * s**2))
+    out = np.asarray(misfit <= NO_MISFIT)
+    todo = np.nonzero(~out & (misfit <= LEAST_MISFIT))[0]
+    if not len(todo):
+        return out
+    slopes = jacobian[todo]
+    normal = np.swapaxes(slopes, 1, 2) @ slopes
+    squares = np.einsum("nkk->nk", normal)  # a view: of the columns; not finite where the Jacobian is not
+    squares -= misfit[todo, None] / _FOLD
+    known = np.nonzero(np.isfinite(squares).all(axis=1))[0]
+    out[todo[known]] = definite(normal[known], np.empty((len(known), 0, normal.shape[1])))
+    return out
 
 
 def _step(closed: ClosedPoses, damping: Array) -> Array:

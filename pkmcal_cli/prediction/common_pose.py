@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.mechanism.topology import Index
-from pkmcal_cli.model.freedoms import ClosedPoses, Freedoms, smallest_singular_value, sole_misfit
+from pkmcal_cli.model.freedoms import ClosedPoses, Freedoms, is_sole, smallest_singular_value
 from pkmcal_cli.model.model import Model
 
 _AT_ONCE, _TRIED = 4, 12  # starts of each row that are tried together, and as long as none leads to little misfit
@@ -61,7 +61,7 @@ def common_pose(model: Model, coefficients: Array) -> CommonPose:
 
 def _in_doubt(poses: ClosedPoses) -> NDArray[np.bool_]:
     """Poses (n,) with so much misfit that another assembly may fit better."""
-    return np.asarray(poses.size > sole_misfit(poses.jacobian))
+    return ~is_sole(poses.jacobian, poses.size)
 
 
 def _better(best: ClosedPoses, rival: Array, rows: Index, candidates: ClosedPoses) -> ClosedPoses:

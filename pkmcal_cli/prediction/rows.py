@@ -109,8 +109,9 @@ class RopeStrains:
 class WarmStart:
     """States of N rows from an earlier prediction, and what became of them there.
 
-    misfit (N,): how far the drives' positions disagreed when the pose was compared with all others, in sizes of the
-    machine; 0 where it was not. slack (N,): rows in which a rope was slack, where that is known.
+    misfit (N,): how far the drives' positions disagreed when the pose was compared with all others, or was seen to be
+    too far from singular ones for another to be near, in sizes of the machine; 0 where it was neither. slack (N,): rows
+    in which a rope was slack, where that is known.
     """
 
     state: State

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
-from pkmcal_cli.equilibrium.branch import strain_jacobian
 from pkmcal_cli.equilibrium.descent import descend
 from pkmcal_cli.equilibrium.energy import slack_ropes, strain_energy
 from pkmcal_cli.equilibrium.kinematics import State, advance, place_prescribed, without_stress
@@ -26,16 +25,12 @@ from pkmcal_cli.equilibrium.strains import all_strains
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.equilibrium.system_numbers import SystemNumbers, beyond_beams, system_numbers
 from pkmcal_cli.mechanism.topology import Drive, Index
-from pkmcal_cli.model.freedoms import LEAST_MISFIT, NO_MISFIT, sole_misfit
+from pkmcal_cli.model.freedoms import LEAST_MISFIT, NO_MISFIT
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.singular_drives import substructure_holds
 from pkmcal_cli.prediction.common_pose import common_pose
-from pkmcal_cli.prediction.rigid_pose import (
-    largest_strain,
-    relaxed_coefficients,
-    rigid_pose,
-    substructure_pose,
-)
+from pkmcal_cli.prediction.other_assemblies import apart_by, no_other_near, still_compared
+from pkmcal_cli.prediction.rigid_pose import relaxed_coefficients, rigid_pose, substructure_pose
 from pkmcal_cli.prediction.rows import Method, WarmStart
 
 _ROUGH = NewtonOptions(curved=False, tolerance=1e-3)  # of its last step: the error, about the square, is far less
@@ -117,25 +112,17 @@ def _equilibrium(
         rows = _from_earlier(model, coefficients, numbers, start, compare, effort)
     if not (compare and model.overdetermined):
         return rows
-    apart = _apart(model, numbers, rows.state)
+    apart = apart_by(model, numbers, rows.state)
     solved = rows.status == RowStatus.SOLVED
-    fits = solved & ~(apart > np.maximum(_sole(model, numbers, rows.state, apart), _GROWN * rows.misfit))
+    fits = solved & (apart <= _GROWN * rows.misfit)
+    sole = no_other_near(model, numbers, rows.state, np.where(solved & ~fits, apart, np.inf))
+    rows, fits = replace(rows, misfit=np.where(sole & (apart > NO_MISFIT), apart, rows.misfit)), fits | sole
     if (solved & ~fits).any() and substructure_holds(model):
         fits |= solved & (apart < model.expected_misfit)  # no other assembly is near
     doubtful = np.nonzero(~fits & ~_still_out_of_reach(rows))[0]
     if not len(doubtful):
         return rows
     return rows.put(doubtful, _compared(model, coefficients[doubtful], rows.take(doubtful), effort))
-
-
-def _sole(model: Model, numbers: SystemNumbers, state: State, apart: Array) -> Array:
-    """How far parts may be apart (N,), in sizes, where no other assembly is near; `apart` (N,): how far they are."""
-    out = np.full(len(apart), NO_MISFIT)
-    near = np.nonzero(apart > NO_MISFIT)[0]
-    if len(near):
-        jacobian = strain_jacobian(model.exact, numbers.take(near), state.take(near), model.length)
-        out[near] = sole_misfit(jacobian)
-    return out
 
 
 def _still_out_of_reach(rows: WarmStart) -> NDArray[np.bool_]:
@@ -151,7 +138,7 @@ def _compared(model: Model, coefficients: Array, rows: WarmStart, effort: Effort
     after = np.where(status == RowStatus.SOLVED, _energy(model, numbers, state), np.inf)
     won = np.nonzero(after < before)[0]
     rows = rows.put(won, WarmStart(state, status, rows.misfit).take(won))
-    status, apart = rows.status.copy(), _apart(model, numbers, rows.state)
+    status, apart = rows.status.copy(), apart_by(model, numbers, rows.state)
     status[(status != RowStatus.SOLVED) & pose.singular] = RowStatus.SINGULAR
     slack = _any_slack(model, numbers, rows.state)  # a slack rope is longer than the pose needs: no misfit
     alike = (pose.rival < LEAST_MISFIT) & (pose.rival < _ALIKE * np.maximum(pose.misfit, _NONE))
@@ -162,17 +149,6 @@ def _compared(model: Model, coefficients: Array, rows: WarmStart, effort: Effort
     state = rows.state.put(far, without_stress(pose.state, model.exact).take(far))
     apart[far] = misfit[far]
     return WarmStart(state, status, apart)
-
-
-def _apart(model: Model, numbers: SystemNumbers, state: State) -> Array:
-    """How far parts that should meet are apart (N,), in sizes of the machine; slack ropes need not reach."""
-    strains = all_strains(model.exact, numbers, state)
-    slack = slack_ropes(model.exact, numbers, strains, state)
-    gaps = [
-        e * (group.elastic * group.group.element.gaps) * ~is_slack[:, :, None]
-        for group, e, is_slack in zip(model.exact.groups, strains, slack, strict=True)
-    ]
-    return largest_strain(gaps, len(state)) / model.length
 
 
 def _any_slack(model: Model, numbers: SystemNumbers, state: State) -> NDArray[np.bool_]:
@@ -204,7 +180,8 @@ def _from_earlier(
         placed = place_prescribed(model.topology, some, state, free=system.free)
         slack = np.zeros(len(near), dtype=bool) if start.slack is None else start.slack[near]
         state, status = _from_near(model, some_numbers, placed, slack, effort)
-        solved = WarmStart(state, status, start.misfit[near])
+        misfit = np.where(status == RowStatus.SOLVED, start.misfit[near], 0.0)
+        solved = WarmStart(state, status, still_compared(model, misfit, start.state.take(near), state))
         rows = solved if every else rows.put(near, solved)
     lost = (rows.status != RowStatus.SOLVED) & ~_still_out_of_reach(rows)
     todo = np.nonzero(lost & (compare | (not system.ropes) | (start.status != RowStatus.SOLVED)))[0]
