@@ -174,14 +174,14 @@ def _from_earlier(
     near = np.nonzero(start.status == RowStatus.SOLVED)[0]
     if len(near):
         every = len(near) == len(start.status)
-        some, some_numbers, state = coefficients, numbers, start.state
+        some, some_numbers, before = coefficients, numbers, start.state
         if not every:
-            some, some_numbers, state = coefficients[near], numbers.take(near), state.take(near)
-        placed = place_prescribed(model.topology, some, state, free=system.free)
+            some, some_numbers, before = coefficients[near], numbers.take(near), before.take(near)
+        placed = place_prescribed(model.topology, some, before, free=system.free)
         slack = np.zeros(len(near), dtype=bool) if start.slack is None else start.slack[near]
         state, status = _from_near(model, some_numbers, placed, slack, effort)
         misfit = np.where(status == RowStatus.SOLVED, start.misfit[near], 0.0)
-        solved = WarmStart(state, status, still_compared(model, misfit, start.state.take(near), state))
+        solved = WarmStart(state, status, still_compared(model, misfit, before, state))
         rows = solved if every else rows.put(near, solved)
     lost = (rows.status != RowStatus.SOLVED) & ~_still_out_of_reach(rows)
     todo = np.nonzero(lost & (compare | (not system.ropes) | (start.status != RowStatus.SOLVED)))[0]
