@@ -99,7 +99,15 @@ class Sample:
 
         Nan for channels that parameters may move as much as poses do: they tell nothing.
         """
-        out = np.where(np.isfinite(readings) & self.informative, self._nearest(readings, predicted), np.nan)
+        out = self.compared(readings, predicted)
+        silent = ~self.informative
+        silent[self.of_unknown_frames] = False
+        out[:, silent] = np.nan
+        return out
+
+    def compared(self, readings: Array, predicted: Array) -> Array:
+        """As `seen`, of all channels; nan of unknown frames that cannot be brought back."""
+        out = np.where(np.isfinite(readings), self._nearest(readings, predicted), np.nan)
         out[:, self.of_unknown_frames] = np.nan
         for points in self.frames:
             columns = [k for p in points for k in p]

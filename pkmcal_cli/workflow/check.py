@@ -256,9 +256,11 @@ def _check_tables(
     from pkmcal_cli.calibration.measured_problem import problem_of
     from pkmcal_cli.calibration.residual import evaluate
     from pkmcal_cli.calibration.verification import own_of
-    from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured
+    from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured, sample_at
+    from pkmcal_cli.gross_errors.nominal_misfit import nominal_misfit
     from pkmcal_cli.loading.poses import origin_of
     from pkmcal_cli.report.loads import Loads
+    from pkmcal_cli.report.nominal_misfit import NominalMisfitReport
 
     to.notes(measured.notes)
     for fault in measured.warnings:
@@ -272,7 +274,8 @@ def _check_tables(
     lost = np.nonzero(~prediction.solved)[0]
     faults = [origin_of(measured, int(k)).fault(prediction.reason(int(k))) for k in lost[:MAX_FAULTS]]
     with to.step("whether the table fits the machine"):
-        messages = measurement_hints(loaded, problem, values, measured, prediction.start)
+        sample = sample_at(loaded, problem, values, prediction.start)
+        messages = measurement_hints(loaded, problem, values, measured, sample=sample)
     hints = [Fault("plausibility", text) for text in messages]
     copied = copied_rows(problem, measured)
     for text in copied:
@@ -284,6 +287,13 @@ def _check_tables(
     to.say(f"{count(len(problem), 'row')}, {count(problem.count, 'measured value')}, {sessions}")
     loads = Loads.of(problem.model, problem.model.nominal, problem.rows, partial(origin_of, measured), prediction.start)
     loads.show(to)
+    nominal = NominalMisfitReport(nominal_misfit(sample), partial(origin_of, measured))
+    far = [] if start.inputs or hints or lost.size else nominal.warnings  # with values of a file `verify` says it
+    for text in far:
+        to.warn(f"warning: {text}")
+    if not start.inputs:
+        nominal.show(to)
     counts = {"n_rows": len(problem), "n_values": problem.count, "sessions": list(measured.sessions)}
-    counts["warnings"] = [*(f.what for f in measured.warnings), *copied, *loads.warnings]
+    counts["nominal"] = nominal.json()
+    counts["warnings"] = [*(f.what for f in measured.warnings), *copied, *loads.warnings, *far]
     return counts, hints + faults, len(hints) + len(lost)

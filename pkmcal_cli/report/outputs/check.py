@@ -60,6 +60,15 @@ parameters[].fixed flag: whether its value is exact
 measurements~.n_rows integer?: number of rows in all tables; null if they cannot be read
 measurements.n_values~ integer: number of measured values with a sigma
 measurements.sessions~[] text: names of the sessions: the files, or the values in column `session`
+measurements.nominal~[].name text: measured less predicted before any fit, at nominal parameters (with `-p` at its
+    values; of at most 200 rows): a channel
+measurements.nominal[].rms number: in `unit`
+measurements.nominal[].expected number: rms that ranges and noise explain, in `unit`
+measurements.nominal[].max number: largest, in `unit`
+measurements.nominal[].unit text:
+measurements.nominal[].file text: where it is largest
+measurements.nominal[].line integer:
+measurements.nominal[].id text?: or null
 measurements.warnings~[] text: sensors without a reading, duplicate rows, forces beyond limits at nominal parameters
 ---
 verification~.compatible flag: whether all readings agree with the parameters (p >= 0.01) and every row has a

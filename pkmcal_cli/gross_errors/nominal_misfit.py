@@ -1,0 +1,88 @@
+"""How far a table is from what the machine file says, before any fit, and which constant of one drive explains it.
+
+What parameters can take up is no mistake of the table, but who has not set the zeros of his drives wants to know now.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.residual import evaluate
+from pkmcal_cli.gross_errors.plausibility import GROSS, rms
+from pkmcal_cli.gross_errors.sample import Sample
+
+_RIVAL = 4.0  # times the squares that the constant of the right drive leaves: what that of any other leaves
+_STEPS = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class NominalMisfit:
+    """Measured less predicted of a sample of the table, turns by the shorter way, frames of unknown place fitted.
+
+    residual (n, C): nan where nothing was measured or predicted; expected (C,): rms that ranges and noise explain;
+    constant: drive and how much more it reads than it should, m or rad, where that explains nearly all.
+    """
+
+    sample: Sample
+    residual: Array
+    expected: Array
+    constant: tuple[int, float] | None
+
+    @property
+    def rms(self) -> Array:
+        """Of each channel (C,); infinite without a value."""
+        return np.array([rms(r) for r in self.residual.T])
+
+    @property
+    def far(self) -> Array:
+        """Channels (C,) farther off than ranges and noise explain, however lucky."""
+        return np.asarray(np.isfinite(self.rms) & (self.rms > GROSS * self.expected))
+
+
+def nominal_misfit(sample: Sample) -> NominalMisfit:
+    """Compare a sample with its predictions."""
+    residual = sample.compared(sample.readings, sample.predicted) - sample.predicted
+    found = NominalMisfit(sample=sample, residual=residual, expected=sample.prior_rms, constant=None)
+    return replace(found, constant=_constant(found)) if found.far.any() else found
+
+
+def _constant(found: NominalMisfit) -> tuple[int, float] | None:
+    """The constant of one drive that leaves what ranges and noise explain; None where none does, or several do."""
+    drives = range(len(found.sample.part.model.actuators))
+    sizes, left = zip(*(_best_constant(found, drive) for drive in drives), strict=True)
+    costs = [_cost(found.sample, residual) for residual in left]
+    best, *others = np.argsort(costs)
+    explained = not replace(found, residual=left[best]).far.any()
+    if not explained or any(costs[k] < _RIVAL * costs[best] for k in others):
+        return None
+    return int(best), sizes[best]
+
+
+def _best_constant(found: NominalMisfit, drive: int) -> tuple[float, Array]:
+    """How much more a drive reads than it should, m or rad, by Gauss-Newton steps, and what residual (n, C) is left."""
+    sample, residual, shift = found.sample, found.residual, 0.0
+    part, evaluation, best = sample.part, sample.evaluation, (0.0, residual)
+    for _ in range(_STEPS):
+        by_drive = evaluation.prediction.by_drive
+        assert by_drive is not None
+        slope = np.where(np.isfinite(residual), np.nan_to_num(by_drive[:, :, drive]), 0.0) / part.sigma
+        square = float((slope**2).sum())
+        if square == 0:
+            break
+        shift += float((slope * np.nan_to_num(residual / part.sigma)).sum()) / square
+        every = np.zeros((len(part), len(part.model.actuators)))
+        every[:, drive] = shift
+        evaluation = evaluate(part, evaluation.values, (), None, every)
+        residual = sample.compared(sample.readings, evaluation.prediction.values) - evaluation.prediction.values
+        if not evaluation.prediction.solved.all() or _cost(sample, residual) >= _cost(sample, best[1]):
+            break
+        best = (-shift, residual)
+    return best
+
+
+def _cost(sample: Sample, residual: Array) -> float:
+    """Sum of squares of a residual (n, C), in sigma."""
+    return float((np.nan_to_num(residual / sample.part.sigma) ** 2).sum())

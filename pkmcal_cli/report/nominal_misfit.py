@@ -1,0 +1,81 @@
+"""Measured less predicted by the machine as its file says, before any fit, as text and JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pkmcal_cli.gross_errors.nominal_misfit import NominalMisfit
+from pkmcal_cli.loading.poses import RowOrigin
+from pkmcal_cli.report.console import Reporter
+from pkmcal_cli.report.number_format import readable
+from pkmcal_cli.units.unit_text import parse_unit
+
+_TITLE = "Measured - predicted at nominal parameters; expected: by ranges and noise, rms"
+
+
+@dataclass(frozen=True)
+class NominalMisfitReport:
+    """What `check` says of a table; `row_origin`: where a row of the table stands."""
+
+    found: NominalMisfit
+    row_origin: Callable[[int], RowOrigin]
+
+    def show(self, to: Reporter) -> None:
+        """A table by channel; the warnings are the caller's."""
+        rows = []
+        for c in self._channels():
+            unit = parse_unit(c["unit"])
+            sizes = (readable(unit.to_si(c[key]), unit) for key in ("rms", "expected", "max"))
+            rows.append((c["name"], *sizes, str(self.row_origin(c["row"]))))
+        if rows:
+            to.table(_TITLE, ("reading", "rms", "expected", "max", "at"), rows)
+
+    def json(self) -> list[dict[str, Any]]:
+        """By channel."""
+        out = []
+        for c in self._channels():
+            at = self.row_origin(c.pop("row"))
+            out.append({**c, "file": at.file, "line": at.line or None, "id": at.id or None})
+        return out
+
+    @property
+    def warnings(self) -> list[str]:
+        """Channels far off, and the constant of one drive that explains it."""
+        found, model = self.found, self.found.sample.whole.model
+        if not found.far.any():
+            return []
+        k = int(np.argmax(np.where(found.far, found.rms / found.expected, 0.0)))
+        channel, times = model.channels[k], found.rms[k] / found.expected[k]
+        text = (
+            f"the readings of `{channel.name}` are {times:.3g} times farther from the nominal machine than ranges and "
+            f"noise explain: {parse_unit(channel.unit).format(float(found.rms[k]), 3)} rms"
+        )
+        if found.constant is not None:
+            drive, size = model.actuators[found.constant[0]], found.constant[1]
+            amount = f"{parse_unit(drive.unit).format(abs(size), 4)} too {'much' if size > 0 else 'little'}"
+            text += f". Drive `{drive.name}` explains it: it reads {amount} throughout"
+        return [text]
+
+    def _channels(self) -> list[dict[str, Any]]:
+        found, out = self.found, []
+        for k, channel in enumerate(found.sample.whole.model.channels):
+            if not np.isfinite(found.rms[k]):
+                continue
+            unit = parse_unit(channel.unit)
+            sizes = np.abs(np.nan_to_num(found.residual[:, k]))
+            worst = int(np.argmax(sizes))
+            out.append(
+                {
+                    "name": channel.name,
+                    "rms": unit.from_si(float(found.rms[k])),
+                    "expected": unit.from_si(float(found.expected[k])),
+                    "max": unit.from_si(float(sizes[worst])),
+                    "row": int(found.sample.rows[worst]),
+                    "unit": unit.text,
+                }
+            )
+        return out

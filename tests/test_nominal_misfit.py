@@ -1,0 +1,63 @@
+"""`check M.yaml TABLE`: a table against the nominal machine, and the constant of one drive that explains its misfit."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from tests.command import MACHINES, run
+
+MACHINE, TABLE = "triglide.yaml", "triglide.csv"
+
+
+def spoilt(folder: Path, off: dict[str, float]) -> Path:
+    """A table simulated on the nominal Triglide, whose drives read so many millimetres more than they should."""
+    path = folder / "t.csv"
+    grid = ("--grid", "x=200:700:6,y=200:350:4", "--noise", "declared", "--seed", "3")
+    assert run("simulate", MACHINES / MACHINE, *grid, "-o", path).code == 0
+    table = pd.read_csv(path)
+    for name, size in off.items():
+        table[f"{name} [mm]"] += size
+    table.to_csv(folder / "off.csv", index=False)
+    return folder / "off.csv"
+
+
+@pytest.mark.parametrize(("drive", "size"), [("q1", 8.0), ("q2", -8.0), ("q3", 20.0)])
+def test_the_zero_of_one_drive_is_named_with_its_size(drive: str, size: float, tmp_path: Path) -> None:
+    done = run("check", MACHINES / MACHINE, spoilt(tmp_path, {drive: size}), "--json")
+    assert done.code == 0, done.err
+    text = done.json["measurements"]["warnings"][-1]  # after that of drives that strain the structure
+    found = re.search(r"Drive `(\w+)` explains it: it reads ([\d.]+) mm too (much|little) throughout", text)
+    assert found is not None, text
+    assert found[1] == drive
+    assert float(found[2]) * {"much": 1, "little": -1}[found[3]] == pytest.approx(size, abs=0.02)  # noise: 10 um
+    assert text in done.err
+
+
+def test_of_two_drives_that_are_off_none_is_named(tmp_path: Path) -> None:
+    done = run("check", MACHINES / MACHINE, spoilt(tmp_path, {"q1": 9.0, "q3": -7.0}), "--json")
+    text = done.json["measurements"]["warnings"][-1]
+    assert "times farther from the nominal machine" in text and "Drive" not in text
+
+
+def test_what_ranges_and_noise_explain_is_no_warning(tmp_path: Path) -> None:
+    """The noise alone is as stated; a drive that is off by less than ranges explain is a parameter's business."""
+    good = run("check", MACHINES / MACHINE, spoilt(tmp_path, {}), "--json").json["measurements"]
+    assert good["warnings"] == []
+    sigma = 0.01  # mm, of the Triglide's sensor
+    assert all(0.7 * sigma < c["rms"] < 1.3 * sigma for c in good["nominal"])
+    assert all(c["expected"] > c["rms"] for c in good["nominal"])
+    little = run("check", MACHINES / MACHINE, spoilt(tmp_path / "..", {"q1": 0.1}), "--json").json["measurements"]
+    assert little["warnings"] == []
+
+
+def test_the_row_that_is_furthest_off_is_told(tmp_path: Path) -> None:
+    path = spoilt(tmp_path, {})
+    table = pd.read_csv(path)
+    table.loc[7, "y [mm]"] += 0.5
+    table.to_csv(path, index=False)
+    by_name = {c["name"]: c for c in run("check", MACHINES / MACHINE, path, "--json").json["measurements"]["nominal"]}
+    assert by_name["y"]["line"] == 9 and by_name["y"]["max"] == pytest.approx(0.5, abs=0.05)
