@@ -45,25 +45,25 @@ class NominalMisfit:
 def nominal_misfit(sample: Sample) -> NominalMisfit:
     """Compare a sample with its predictions."""
     residual = sample.compared(sample.readings, sample.predicted) - sample.predicted
-    found = NominalMisfit(sample=sample, residual=residual, expected=sample.prior_rms, constant=None)
-    return replace(found, constant=_constant(found)) if found.far.any() else found
+    misfit = NominalMisfit(sample=sample, residual=residual, expected=sample.prior_rms, constant=None)
+    return replace(misfit, constant=_constant(misfit)) if misfit.far.any() else misfit
 
 
-def _constant(found: NominalMisfit) -> tuple[int, float] | None:
+def _constant(misfit: NominalMisfit) -> tuple[int, float] | None:
     """The constant of one drive that leaves what ranges and noise explain; None where none does, or several do."""
-    drives = range(len(found.sample.part.model.actuators))
-    sizes, left = zip(*(_best_constant(found, drive) for drive in drives), strict=True)
-    costs = [_cost(found.sample, residual) for residual in left]
+    drives = range(len(misfit.sample.part.model.actuators))
+    sizes, left = zip(*(_best_constant(misfit, drive) for drive in drives), strict=True)
+    costs = [_cost(misfit.sample, residual) for residual in left]
     best, *others = np.argsort(costs)
-    explained = not replace(found, residual=left[best]).far.any()
+    explained = not replace(misfit, residual=left[best]).far.any()
     if not explained or any(costs[k] < _RIVAL * costs[best] for k in others):
         return None
     return int(best), sizes[best]
 
 
-def _best_constant(found: NominalMisfit, drive: int) -> tuple[float, Array]:
+def _best_constant(misfit: NominalMisfit, drive: int) -> tuple[float, Array]:
     """How much more a drive reads than it should, m or rad, by Gauss-Newton steps, and what residual (n, C) is left."""
-    sample, residual, shift = found.sample, found.residual, 0.0
+    sample, residual, shift = misfit.sample, misfit.residual, 0.0
     part, evaluation, best = sample.part, sample.evaluation, (0.0, residual)
     for _ in range(_STEPS):
         by_drive = evaluation.prediction.by_drive

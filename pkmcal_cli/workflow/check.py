@@ -5,14 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pkmcal_cli.base.errors import MAX_FAULTS, BadInput, Fault, UsageError
 from pkmcal_cli.base.files import is_stream, sha256
 from pkmcal_cli.base.plural import count
-from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_parameters
+from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine, load_parameters
 from pkmcal_cli.model.singular_drives import singular_drives
 from pkmcal_cli.prediction.influence import idle_parameters
 from pkmcal_cli.report.console import Reporter, emit_json, enveloped
@@ -78,21 +77,18 @@ def run_check(request: CheckRequest) -> int:
         also = _of_tables(request)
         faults, total = [*error.faults, *also.faults], error.total + also.total
         return _finish(_End(to, as_json, {}, _named_files(request)), faults, total)
-    result, faults = machine_json(loaded.machine, loaded.compiled), idle_faults(loaded)
-    show_machine(to, loaded.machine, loaded.compiled, result, tables=request.parameters is None)
-    warnings = [*loaded.remarks, *loaded.warnings, *_substructure_fault(loaded)]
-    for fault in warnings:
-        to.warn(fault)
-    result["warnings"] = [_json(f) for f in warnings]
+    result, faults = _show_machine(loaded, request, to), idle_faults(loaded)
     total, agrees, inputs = len(faults), True, loaded.inputs
     if request.tables:
+        from pkmcal_cli.workflow.check_tables import check_tables
+
         measured = _read(loaded, request.tables)
         if isinstance(measured, BadInput):
             result["measurements"] = {"n_rows": None}
             end = _End(to, as_json, result, inputs | _named_files(request))
             return _finish(end, faults + list(measured.faults), total + measured.total)
         start = load_parameters(loaded.model.for_sessions(measured.sessions), request.parameters)
-        result["measurements"], table_faults, count = _check_tables(loaded, measured, start, to)
+        result["measurements"], table_faults, count = check_tables(loaded, measured, start, to)
         faults, total, inputs = faults + table_faults, total + count, inputs | measured.inputs | start.inputs
         if request.parameters is not None and result["measurements"]["n_values"]:
             from pkmcal_cli.workflow.verify import verify
@@ -100,6 +96,17 @@ def run_check(request: CheckRequest) -> int:
             verification = verify(loaded, measured, start, request.parameters, tolerance, to)
             result["verification"], agrees = verification.json(), verification.ok
     return _finish(_End(to, as_json, result, inputs), faults, total, agrees)
+
+
+def _show_machine(loaded: LoadedMachine, request: CheckRequest, to: Reporter) -> dict[str, Any]:
+    """What the machine is, with its warnings, shown and as JSON."""
+    result = machine_json(loaded.machine, loaded.compiled)
+    show_machine(to, loaded.machine, loaded.compiled, result, tables=request.parameters is None)
+    warnings = [*loaded.remarks, *loaded.warnings, *_substructure_fault(loaded)]
+    for fault in warnings:
+        to.warn(fault)
+    result["warnings"] = [_json(f) for f in warnings]
+    return result
 
 
 def _of_tables(request: CheckRequest) -> BadInput:
@@ -245,55 +252,3 @@ def _read(loaded: LoadedMachine, paths: tuple[str, ...]) -> Measurements | BadIn
     except BadInput as error:
         _reraise_unreadable(error)
         return error
-
-
-def _check_tables(
-    loaded: LoadedMachine, measured: Measurements, start: Start, to: Reporter
-) -> tuple[dict[str, Any], list[Fault], int]:
-    """Counts, faults (the first ones) and their number: of reading, rows without a solution, gross mistakes."""
-    import numpy as np
-
-    from pkmcal_cli.calibration.measured_problem import problem_of
-    from pkmcal_cli.calibration.residual import evaluate
-    from pkmcal_cli.calibration.verification import own_of
-    from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured, sample_at
-    from pkmcal_cli.gross_errors.nominal_misfit import nominal_misfit
-    from pkmcal_cli.loading.poses import origin_of
-    from pkmcal_cli.report.loads import Loads
-    from pkmcal_cli.report.nominal_misfit import NominalMisfitReport
-
-    to.notes(measured.notes)
-    for fault in measured.warnings:
-        to.warn(fault)
-    problem = problem_of(loaded.model, measured)
-    values = problem.model.nominal
-    if start.inputs:  # a file tells them, but for what stands elsewhere each time
-        of_campaign = own_of(problem.model)
-        values = np.where([n in of_campaign for n in problem.model.names], values, start.values)
-    prediction = evaluate(problem, values).prediction
-    lost = np.nonzero(~prediction.solved)[0]
-    faults = [origin_of(measured, int(k)).fault(prediction.reason(int(k))) for k in lost[:MAX_FAULTS]]
-    with to.step("whether the table fits the machine"):
-        sample = sample_at(loaded, problem, values, prediction.start)
-        messages = measurement_hints(loaded, problem, values, measured, sample=sample)
-    hints = [Fault("plausibility", text) for text in messages]
-    copied = copied_rows(problem, measured)
-    for text in copied:
-        to.warn(f"warning: {text}")
-    hints += absurd_rows(problem, lambda row: origin_of(measured, row))
-    if not problem.count:
-        hints.append(nothing_measured(loaded, problem))
-    sessions = count(len(measured.sessions), "session")
-    to.say(f"{count(len(problem), 'row')}, {count(problem.count, 'measured value')}, {sessions}")
-    loads = Loads.of(problem.model, problem.model.nominal, problem.rows, partial(origin_of, measured), prediction.start)
-    loads.show(to)
-    nominal = NominalMisfitReport(nominal_misfit(sample), partial(origin_of, measured))
-    far = [] if start.inputs or hints or lost.size else nominal.warnings  # with values of a file `verify` says it
-    for text in far:
-        to.warn(f"warning: {text}")
-    if not start.inputs:
-        nominal.show(to)
-    counts = {"n_rows": len(problem), "n_values": problem.count, "sessions": list(measured.sessions)}
-    counts["nominal"] = nominal.json()
-    counts["warnings"] = [*(f.what for f in measured.warnings), *copied, *loads.warnings, *far]
-    return counts, hints + faults, len(hints) + len(lost)

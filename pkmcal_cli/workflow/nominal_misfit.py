@@ -1,4 +1,4 @@
-"""Measured less predicted by the machine as its file says, before any fit, as text and JSON."""
+"""Measured less predicted by the nominal machine, before any fit, as `check` says it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _TITLE = "Measured - predicted at nominal parameters; expected: by ranges and no
 class NominalMisfitReport:
     """What `check` says of a table; `row_origin`: where a row of the table stands."""
 
-    found: NominalMisfit
+    misfit: NominalMisfit
     row_origin: Callable[[int], RowOrigin]
 
     def show(self, to: Reporter) -> None:
@@ -45,36 +45,36 @@ class NominalMisfitReport:
     @property
     def warnings(self) -> list[str]:
         """Channels far off, and the constant of one drive that explains it."""
-        found, model = self.found, self.found.sample.whole.model
-        if not found.far.any():
+        misfit, model = self.misfit, self.misfit.sample.whole.model
+        if not misfit.far.any():
             return []
-        k = int(np.argmax(np.where(found.far, found.rms / found.expected, 0.0)))
-        channel, times = model.channels[k], found.rms[k] / found.expected[k]
+        k = int(np.argmax(np.where(misfit.far, misfit.rms / misfit.expected, 0.0)))
+        channel, times = model.channels[k], misfit.rms[k] / misfit.expected[k]
         text = (
             f"the readings of `{channel.name}` are {times:.3g} times farther from the nominal machine than ranges and "
-            f"noise explain: {parse_unit(channel.unit).format(float(found.rms[k]), 3)} rms"
+            f"noise explain: {parse_unit(channel.unit).format(float(misfit.rms[k]), 3)} rms"
         )
-        if found.constant is not None:
-            drive, size = model.actuators[found.constant[0]], found.constant[1]
+        if misfit.constant is not None:
+            drive, size = model.actuators[misfit.constant[0]], misfit.constant[1]
             amount = f"{parse_unit(drive.unit).format(abs(size), 4)} too {'much' if size > 0 else 'little'}"
             text += f". Drive `{drive.name}` explains it: it reads {amount} throughout"
         return [text]
 
     def _channels(self) -> list[dict[str, Any]]:
-        found, out = self.found, []
-        for k, channel in enumerate(found.sample.whole.model.channels):
-            if not np.isfinite(found.rms[k]):
+        misfit, out = self.misfit, []
+        for k, channel in enumerate(misfit.sample.whole.model.channels):
+            if not np.isfinite(misfit.rms[k]):
                 continue
             unit = parse_unit(channel.unit)
-            sizes = np.abs(np.nan_to_num(found.residual[:, k]))
+            sizes = np.abs(np.nan_to_num(misfit.residual[:, k]))
             worst = int(np.argmax(sizes))
             out.append(
                 {
                     "name": channel.name,
-                    "rms": unit.from_si(float(found.rms[k])),
-                    "expected": unit.from_si(float(found.expected[k])),
+                    "rms": unit.from_si(float(misfit.rms[k])),
+                    "expected": unit.from_si(float(misfit.expected[k])),
                     "max": unit.from_si(float(sizes[worst])),
-                    "row": int(found.sample.rows[worst]),
+                    "row": int(misfit.sample.rows[worst]),
                     "unit": unit.text,
                 }
             )
