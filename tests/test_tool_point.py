@@ -180,7 +180,8 @@ def test_an_offset_of_the_sensor_counts_where_its_point_is_the_tool_point_by_def
     text = CRANK.replace("at: tip, reads", "at: tip, offset: [0, 10], reads")
     Path("beside.yaml").write_text(text)
     Path("tip.yaml").write_text(text + "tool_point: tip\n")
-    for file, radius, told in (("beside.yaml", [200, 50], "tip, of sensor camera\n"), ("tip.yaml", [200, 40], "tip\n")):
+    without = "tip, without the `offset` of sensor camera\n"
+    for file, radius, told in (("beside.yaml", [200, 50], "tip, of sensor camera\n"), ("tip.yaml", [200, 40], without)):
         done = run("simulate", file, "--grid", "x=200:200:1,rz=20:20:1", "-o", "out.csv", "--force")
         assert f"note: tool point: {told}" in done.err
         q, a = column("out.csv", "q"), np.radians(50)
