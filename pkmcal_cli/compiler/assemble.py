@@ -17,6 +17,7 @@ from pkmcal_cli.mechanism.topology import DriveKind, Topology
 
 _FELT = 1e-8  # a free motion moves a point if by more than this share of the machine's size per unit
 _NEAR = 0.01  # a small way along the mechanism's motion, as a share of its size
+_NEARLY = 1e-2  # singular values below this share of the largest are those of motions that are meant to be free
 _CHEAP = 1e6  # a drive moves this much more readily than anything else when the reference configuration is assembled
 _ROUNDING = 1e-15  # a step this small, in sizes of the machine or rad, is rounding
 
@@ -53,6 +54,7 @@ class Mobility:
     undetermined: int  # motions that the drives not marked redundant leave free
     overdetermined: int  # drives not marked redundant that are too many
     rigid_loops: tuple[str, ...]  # elements of closed loops in which nothing yields
+    nearly_free: int  # motions that hardly strain anything, as of rails that are not quite parallel
     nearby: int  # degrees of freedom near the reference configuration; another number means a special position
 
 
@@ -227,6 +229,7 @@ def mobility(topology: Topology, length: float, held: tuple[str, ...], loud: tup
         undetermined=substructure.shape[1] - rs,
         overdetermined=substructure.shape[0] - rs - own_stress,
         rigid_loops=_rigid_loops(engaged.names, engaged.jacobian[engaged.rigid], engaged.rigid),
+        nearly_free=r - rank(released, _NEARLY),
         nearby=near_reference(topology, length),
     )
 

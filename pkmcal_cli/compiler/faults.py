@@ -284,7 +284,9 @@ def _mobility_hint(mobility: Mobility) -> str:
         return "mark other actuators `redundant: true`, or choose another pose as the reference configuration"
     if mobility.undetermined:
         return f"remove `redundant: true` or `control: force` from {count(mobility.undetermined, 'actuator')}"
-    return f"mark {mobility.overdetermined} of them `redundant: true`"
+    meant = f"; or, if {count(mobility.nearly_free, 'more motion')} should be free, draw parallel guides parallel"
+    deviations = f"{meant}, and write deviations as parameters of nominal 0" if mobility.nearly_free else ""
+    return f"mark {mobility.overdetermined} of them `redundant: true`{deviations}"
 
 
 def _counts(mobility: Mobility) -> str:

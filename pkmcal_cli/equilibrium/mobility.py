@@ -77,12 +77,12 @@ def null_space(matrix: Array) -> Array:
     return np.asarray(vt[rank:].T)
 
 
-def rank(matrix: Array) -> int:
-    """Compute the numerical rank."""
+def rank(matrix: Array, share: float = _RANK) -> int:
+    """Compute the numerical rank: singular values above this share of the largest."""
     if 0 in matrix.shape:
         return 0
     s = np.linalg.svd(matrix, compute_uv=False)
-    return int((s > _RANK * max(s[0], 1e-300)).sum())
+    return int((s > share * max(s[0], 1e-300)).sum())
 
 
 def pivots(basis: Array) -> list[int]:

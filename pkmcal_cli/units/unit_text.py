@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
@@ -92,19 +93,17 @@ def _table() -> dict[str, Unit]:
         _unit("arcsec", Fraction(1, 180 * 3600), ANGLE, 1), _unit("rev", 2, ANGLE, 1),
         _unit("N", 1, FORCE), _unit("mN", Fraction(1, 1000), FORCE), _unit("kN", 1000, FORCE),
         _unit("MN", 10**6, FORCE), _unit("lbf", Fraction(44482216152605, 10**13), FORCE),
-        _unit("Nm", 1, TORQUE), _unit("Nmm", Fraction(1, 1000), TORQUE),
-        _unit("kNm", 1000, TORQUE), _unit("kg", 1, MASS), _unit("g", Fraction(1, 1000), MASS),
+        _unit("Nm", 1, TORQUE), _unit("Nmm", Fraction(1, 1000), TORQUE), _unit("kNm", 1000, TORQUE),
+        _unit("MNm", 10**6, TORQUE), _unit("kg", 1, MASS), _unit("g", Fraction(1, 1000), MASS),
         _unit("t", 1000, MASS), _unit("s", 1, TIME), _unit("ms", Fraction(1, 1000), TIME),
         _unit("min", 60, TIME), _unit("h", 3600, TIME), _unit("K", 1, TEMPERATURE),
-        Unit("degC", Fraction(1), TEMPERATURE, 0, 273.15),
-        _unit("Pa", 1, MODULUS), _unit("kPa", 1000, MODULUS), _unit("MPa", 10**6, MODULUS),
-        _unit("GPa", 10**9, MODULUS),
+        Unit("degC", Fraction(1), TEMPERATURE, 0, 273.15), _unit("Pa", 1, MODULUS), _unit("kPa", 1000, MODULUS),
+        _unit("MPa", 10**6, MODULUS), _unit("GPa", 10**9, MODULUS),
     ]  # fmt: skip
     return {unit.text: unit for unit in units}
 
 
-UNITS = _table()
-"""The closed table of units."""
+UNITS = _table()  # closed
 
 _ALIASES = {"µm": "um", "μm": "um", "µrad": "urad", "μrad": "urad", "°": "deg", "°C": "degC", "inch": "in"}
 _WORDS = tuple(alias for alias in _ALIASES if alias.isascii())
@@ -169,6 +168,14 @@ def _named(name: str, size: str) -> Unit:
     return Unit(name, factor, unit.dimension, unit.pi_power, size=size)
 
 
+def _as_written_here(text: str) -> str:
+    """What may have been meant by "kN.m/rad" or "N/mm2", which are written otherwise; else an example."""
+    meant = re.sub(r"(?<=[A-Za-z])(?=\d)", "^", re.sub(r"(?<=[A-Za-z])\.(?=[A-Za-z])", "*", text))
+    with suppress(UnitError):
+        return f"did you mean `{meant}`?" if meant != text and parse_unit(meant) else _EXAMPLE
+    return _EXAMPLE
+
+
 class _UnitParser:
     def __init__(self, text: str, fitting: tuple[Dimension, ...] = ()) -> None:
         self.text = text
@@ -185,7 +192,7 @@ class _UnitParser:
 
     def fault(self, name: str | None = None) -> UnitError:
         if name is None:
-            return UnitError(f"`{self.text}` is not a unit", _EXAMPLE)
+            return UnitError(f"`{self.text}` is not a unit", _as_written_here(self.text))
         whole = "" if name == self.text else f" in `{self.text}`"
         return UnitError(f"unknown unit `{name}`{whole}", self.suggestion(name))
 

@@ -147,6 +147,8 @@ def _add(details: Mapping[str, Any], path: Path, source: SourceMap, faults: Faul
         message = f"unknown key `{key}`{_of(loc[:-1])}"
         new = owner.renamed.get(key) if owner is not None else None
         hint = f"`{key}` is now called `{new}`" if new else did_you_mean(key, names, _list_of(names))
+        if key[:1].isdigit() and details["input"] is None:  # of "10,5 kg" in a map: the comma ends the entry
+            hint = f"write the decimal mark as a point: `.{key}`"
         faults.add(source.fault("unknown-key", message, path, hint, at_key=True))
     elif kind == "missing" and isinstance(loc[-1], int):
         message = f"expected 2 entries{_of(loc[:-1])}, found {len(details['input'])}"
