@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import compileall
 import contextlib
 import io
 import os
@@ -9,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +28,14 @@ _NOISE = ("--noise", "declared", "--seed", "1")
 
 
 def _run(*arguments: str) -> None:
-    subprocess.run([sys.executable, *arguments], check=True, capture_output=True, cwd=MACHINES.parent)
+    subprocess.run([sys.executable, *arguments], check=True, capture_output=True, cwd=MACHINES.parent, env=_installed())
+
+
+@cache
+def _installed() -> dict[str, str]:
+    """The environment of a program whose modules are compiled, as an installation leaves them."""
+    compileall.compile_dir(MACHINES.parent / "pkmcal_cli", quiet=2)
+    return {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
 
 
 def start_lines(effort: Effort) -> list[Line]:
@@ -130,7 +139,8 @@ def _on_grid(side: int, target: str, *options: str) -> tuple[float, float]:
 
 def _measured(*arguments: str) -> tuple[float, float]:
     """Processor time, s, and peak memory, MiB, of a command."""
-    process = subprocess.Popen([sys.executable, "-m", "pkmcal_cli", *arguments], cwd=MACHINES.parent)
+    command = [sys.executable, "-m", "pkmcal_cli", *arguments]
+    process = subprocess.Popen(command, cwd=MACHINES.parent, env=_installed())
     _, status, usage = os.wait4(process.pid, 0)
     if os.waitstatus_to_exitcode(status) not in (0, 1):
         raise RuntimeError(f"{arguments[0]} failed")

@@ -64,7 +64,7 @@ class Entity(BaseModel):
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", strict=True, arbitrary_types_allowed=True,
-        protected_namespaces=(),
+        protected_namespaces=(), defer_build=True,  # that of the machine holds those of its parts
     )  # fmt: skip
     shorthand: ClassVar[str | None] = None
     noun: ClassVar[str] = ""
