@@ -6,8 +6,10 @@ import re
 import shlex
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from pkmcal_cli.diagnosis.experiment_design import covariance_of
 from tests.command import MACHINES, clean, run
 
 CASES = {
@@ -45,3 +47,24 @@ def test_every_effect_that_the_data_cannot_show_is_named() -> None:
         names |= {f"{effect}@{place}" for place in places.split(", ")}
     hidden = {f"{i['effect']}@{i['at']}" for i in done.json["invisible"] if i["effect"] != "release"}
     assert len(hidden) > 12 and hidden == {name for name in names if not name.startswith("release")}
+
+
+@pytest.mark.parametrize("size", [1.0, 1e4, 1e9])
+def test_two_columns_that_are_one_are_no_failure(size: float) -> None:
+    """Their difference is not determined, whatever the rounding; their sum is, as well as one column alone would be."""
+    column = size * np.random.default_rng(0).normal(size=(50, 1))
+    both = np.hstack([column, column])
+    covariance = covariance_of(both.T @ both + 1e-9 * np.eye(2))
+    assert np.isfinite(covariance).all()
+    total, apart = np.array([1.0, 1.0]), np.array([1.0, -1.0])
+    alone = float(column.T @ column)
+    assert total @ covariance @ total == pytest.approx(1 / alone, rel=1e-3)
+    assert apart @ covariance @ apart > 1e6 / alone
+
+
+def test_what_is_determined_is_inverted_to_rounding() -> None:
+    rows = np.random.default_rng(1).normal(size=(40, 4)) * [1.0, 1e5, 1e-6, 1e2]
+    normal = rows.T @ rows
+    size = np.sqrt(np.diag(normal))
+    scaled = np.outer(size, size)
+    np.testing.assert_allclose((covariance_of(normal) * scaled) @ (normal / scaled), np.eye(4), atol=1e-11)

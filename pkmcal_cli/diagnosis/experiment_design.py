@@ -26,6 +26,7 @@ from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes, visible_sizes
 
 ALIKE = 0.95  # cosine above which two effects are an ambiguity group
 _EXCHANGED = 60  # points up to which exchanges are tried
+_ROUNDING = 1e-13  # of the sum of squares of a column: what its rounding leaves of that of its part that no other has
 Status = Literal["detectable", "weak", "invisible"]
 
 
@@ -186,6 +187,13 @@ def arranged(linear: Linear, blocks: Array, aim: Aim) -> tuple[Array, Array, lis
     return rows, np.concatenate([np.diag(weights), np.zeros(len(aimed))]) + 1e-9, groups
 
 
+def covariance_of(normal: Array) -> Array:
+    """The inverse (q, q) of a normal matrix, large along what it does not determine but for rounding."""
+    size = np.sqrt(np.diag(normal))
+    equal = normal / np.outer(size, size)
+    return np.asarray(np.linalg.inv(equal + _ROUNDING * np.eye(len(size))) / np.outer(size, size))
+
+
 @dataclass(frozen=True)
 class _PointSearch:
     """Rows of a pool (M, C, q) that raise an aim's figure over a normal matrix `start` (q, q)."""
@@ -197,11 +205,11 @@ class _PointSearch:
 
     def figure(self, chosen: Sequence[int]) -> float:
         """The aim's figure with some rows."""
-        return float(self._of([c[None] for c in self._covariances(np.linalg.inv(self._normal(chosen)))])[0])
+        return float(self._of([c[None] for c in self._covariances(covariance_of(self._normal(chosen)))])[0])
 
     def best(self, chosen: Sequence[int]) -> int:
         """The row that raises the figure most, not one of those chosen."""
-        inverse = np.linalg.inv(self._normal(chosen))
+        inverse = covariance_of(self._normal(chosen))
         gained = self.pool @ inverse  # (M, C, q)
         middle = np.linalg.inv(np.eye(self.pool.shape[1]) + gained @ self.pool.swapaxes(1, 2))  # (M, C, C)
         changed = []

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pkmcal_cli.diagnosis.experiment_design import Aim, arranged, smallest_information, whitened_blocks
+from pkmcal_cli.diagnosis.experiment_design import Aim, arranged, covariance_of, smallest_information, whitened_blocks
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear
 from pkmcal_cli.diagnosis.score import minimal_detectable
@@ -50,6 +50,6 @@ def _apart(linear: Linear, one: Hypothesis, other: Hypothesis) -> bool:
     aim = Aim("separate", (one.parameters, other.parameters))
     rows, prior, groups = arranged(linear, whitened_blocks(linear, len(linear.on)), aim)
     normal = _MANY * np.einsum("mca,mcb->ab", rows, rows) + np.diag(prior)
-    inverse = np.linalg.inv(normal)
+    inverse = covariance_of(normal)
     information = smallest_information([inverse[np.ix_(g, g)][None] for g in groups])
     return minimal_detectable(float(information[0])) < _PLAUSIBLE
