@@ -57,7 +57,7 @@ def test_two_columns_that_are_one_are_no_failure(size: float) -> None:
     covariance = covariance_of(both.T @ both + 1e-9 * np.eye(2))
     assert np.isfinite(covariance).all()
     total, apart = np.array([1.0, 1.0]), np.array([1.0, -1.0])
-    alone = float(column.T @ column)
+    alone = float((column**2).sum())
     assert total @ covariance @ total == pytest.approx(1 / alone, rel=1e-3)
     assert apart @ covariance @ apart > 1e6 / alone
 
