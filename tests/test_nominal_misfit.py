@@ -10,7 +10,17 @@ import pytest
 
 from tests.command import MACHINES, run
 
-MACHINE, TABLE = "triglide.yaml", "triglide.csv"
+MACHINE = "triglide.yaml"
+FRAME = """
+units: {length: mm, angle: deg, force: N}
+space: planar
+ranges: {length: 0.1}
+ground: {A: [0, 0], B: [1000, 0]}
+nodes: {C: [500, 400]}
+parameters: {h: {nominal: 640, range: 0.1}}
+bars: {b1: {between: [A, C], EA: 20 MN, length: h}, b2: {between: [B, C], EA: 20 MN}}
+sensors: {t: {at: C, reads: [x, y], frame: machine, sigma: 10 um}}
+"""
 
 
 def spoilt(folder: Path, off: dict[str, float]) -> Path:
@@ -50,7 +60,8 @@ def test_what_ranges_and_noise_explain_is_no_warning(tmp_path: Path) -> None:
     sigma = 0.01  # mm, of the Triglide's sensor
     assert all(0.7 * sigma < c["rms"] < 1.3 * sigma for c in good["nominal"])
     assert all(c["expected"] > c["rms"] for c in good["nominal"])
-    little = run("check", MACHINES / MACHINE, spoilt(tmp_path / "..", {"q1": 0.1}), "--json").json["measurements"]
+    (tmp_path / "little").mkdir()
+    little = run("check", MACHINES / MACHINE, spoilt(tmp_path / "little", {"q1": 0.1}), "--json").json["measurements"]
     assert little["warnings"] == []
 
 
@@ -61,3 +72,20 @@ def test_the_row_that_is_furthest_off_is_told(tmp_path: Path) -> None:
     table.to_csv(path, index=False)
     by_name = {c["name"]: c for c in run("check", MACHINES / MACHINE, path, "--json").json["measurements"]["nominal"]}
     assert by_name["y"]["line"] == 9 and by_name["y"]["max"] == pytest.approx(0.5, abs=0.05)
+
+
+def test_a_frame_without_drives_is_far_off_by_no_drive(tmp_path: Path) -> None:
+    """Its point was measured 20 mm above where it is."""
+    (tmp_path / "m.yaml").write_text(FRAME, encoding="utf-8")
+    (tmp_path / "t.csv").write_text("x,y\n500,420\n500.01,420.01\n499.99,420\n500,419.99\n", encoding="utf-8")
+    done = run("check", tmp_path / "m.yaml", tmp_path / "t.csv", "--json")
+    assert done.code == 0, done.err
+    (text,) = done.json["measurements"]["warnings"]
+    assert "times farther from the nominal machine" in text and "Drive" not in text
+
+
+def test_of_a_long_table_the_sample_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    grid = ("--grid", "x=200:700:20,y=200:350:15", "--noise", "declared", "-o", path)
+    assert run("simulate", MACHINES / MACHINE, *grid).code == 0
+    assert "nominal parameters, 200 of 300 rows;" in run("check", MACHINES / MACHINE, path).err

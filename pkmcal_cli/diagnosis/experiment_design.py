@@ -26,7 +26,7 @@ from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes, visible_sizes
 
 ALIKE = 0.95  # cosine above which two effects are an ambiguity group
 _EXCHANGED = 60  # points up to which exchanges are tried
-_ROUNDING = 1e-13  # of the sum of squares of a column: what its rounding leaves of that of its part that no other has
+_ROUNDING = 1e-13  # share of a column's sum of squares: columns that differ by less are one
 Status = Literal["detectable", "weak", "invisible"]
 
 
@@ -188,7 +188,7 @@ def arranged(linear: Linear, blocks: Array, aim: Aim) -> tuple[Array, Array, lis
 
 
 def covariance_of(normal: Array) -> Array:
-    """The inverse (q, q) of a normal matrix, large along what it does not determine but for rounding."""
+    """The inverse (q, q) of a normal matrix (q, q); very large, not infinite, along what it does not determine."""
     size = np.sqrt(np.diag(normal))
     equal = normal / np.outer(size, size)
     return np.asarray(np.linalg.inv(equal + _ROUNDING * np.eye(len(size))) / np.outer(size, size))

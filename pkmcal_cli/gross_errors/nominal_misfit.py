@@ -18,23 +18,27 @@ _RIVAL = 4.0  # times the squares that the constant of the right drive leaves: w
 _STEPS = 4
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class NominalMisfit:
     """Measured less predicted of a sample of the table, turns by the shorter way, frames of unknown place fitted.
 
-    residual (n, C): nan where nothing was measured or predicted; expected (C,): rms that ranges and noise explain;
-    constant: drive and how much more it reads than it should, m or rad, where that explains nearly all.
+    residual (n, C): nan where nothing was measured or predicted; constant: a drive and how much more it reads than it
+    should, m or rad, where that leaves no more than ranges and noise explain.
     """
 
     sample: Sample
     residual: Array
-    expected: Array
     constant: tuple[int, float] | None
 
     @property
     def rms(self) -> Array:
         """Of each channel (C,); infinite without a value."""
         return np.array([rms(r) for r in self.residual.T])
+
+    @property
+    def expected(self) -> Array:
+        """Rms that ranges and noise explain (C,)."""
+        return self.sample.prior_rms
 
     @property
     def far(self) -> Array:
@@ -45,20 +49,19 @@ class NominalMisfit:
 def nominal_misfit(sample: Sample) -> NominalMisfit:
     """Compare a sample with its predictions."""
     residual = sample.compared(sample.readings, sample.predicted) - sample.predicted
-    misfit = NominalMisfit(sample=sample, residual=residual, expected=sample.prior_rms, constant=None)
+    misfit = NominalMisfit(sample, residual, None)
     return replace(misfit, constant=_constant(misfit)) if misfit.far.any() else misfit
 
 
 def _constant(misfit: NominalMisfit) -> tuple[int, float] | None:
     """The constant of one drive that leaves what ranges and noise explain; None where none does, or several do."""
     drives = range(len(misfit.sample.part.model.actuators))
-    sizes, left = zip(*(_best_constant(misfit, drive) for drive in drives), strict=True)
-    costs = [_cost(misfit.sample, residual) for residual in left]
-    best, *others = np.argsort(costs)
-    explained = not replace(misfit, residual=left[best]).far.any()
-    if not explained or any(costs[k] < _RIVAL * costs[best] for k in others):
+    tried = [(drive, *_best_constant(misfit, drive)) for drive in drives]
+    tried.sort(key=lambda constant: _cost(misfit.sample, constant[2]))
+    if not tried or replace(misfit, residual=tried[0][2]).far.any():
         return None
-    return int(best), sizes[best]
+    least, *others = (_cost(misfit.sample, residual) for *_, residual in tried)
+    return None if others and others[0] < _RIVAL * least else tried[0][:2]
 
 
 def _best_constant(misfit: NominalMisfit, drive: int) -> tuple[float, Array]:
@@ -68,14 +71,14 @@ def _best_constant(misfit: NominalMisfit, drive: int) -> tuple[float, Array]:
     for _ in range(_STEPS):
         by_drive = evaluation.prediction.by_drive
         assert by_drive is not None
-        slope = np.where(np.isfinite(residual), np.nan_to_num(by_drive[:, :, drive]), 0.0) / part.sigma
+        slope = np.nan_to_num(np.where(np.isfinite(residual), by_drive[:, :, drive], 0.0) / part.sigma)
         square = float((slope**2).sum())
         if square == 0:
             break
         shift += float((slope * np.nan_to_num(residual / part.sigma)).sum()) / square
         every = np.zeros((len(part), len(part.model.actuators)))
         every[:, drive] = shift
-        evaluation = evaluate(part, evaluation.values, (), None, every)
+        evaluation = evaluate(part, evaluation.values, (), evaluation.start, every, compare=False)
         residual = sample.compared(sample.readings, evaluation.prediction.values) - evaluation.prediction.values
         if not evaluation.prediction.solved.all() or _cost(sample, residual) >= _cost(sample, best[1]):
             break

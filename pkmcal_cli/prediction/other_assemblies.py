@@ -21,7 +21,7 @@ from pkmcal_cli.prediction.rigid_pose import largest_strain
 _NEAR = REGULAR / 10  # a pose that moved less, in sizes or rad, is as far from singular ones as it was
 
 
-def apart_by(model: Model, numbers: SystemNumbers, state: State) -> Array:
+def largest_gap(model: Model, numbers: SystemNumbers, state: State) -> Array:
     """How far parts that should meet are apart (N,), in sizes of the machine; slack ropes need not reach."""
     strains = all_strains(model.exact, numbers, state)
     slack = slack_ropes(model.exact, numbers, strains, state)

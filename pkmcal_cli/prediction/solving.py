@@ -29,7 +29,7 @@ from pkmcal_cli.model.freedoms import LEAST_MISFIT, NO_MISFIT
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.singular_drives import substructure_holds
 from pkmcal_cli.prediction.common_pose import common_pose
-from pkmcal_cli.prediction.other_assemblies import apart_by, no_other_near, still_compared
+from pkmcal_cli.prediction.other_assemblies import largest_gap, no_other_near, still_compared
 from pkmcal_cli.prediction.rigid_pose import relaxed_coefficients, rigid_pose, substructure_pose
 from pkmcal_cli.prediction.rows import Method, WarmStart
 
@@ -112,7 +112,7 @@ def _equilibrium(
         rows = _from_earlier(model, coefficients, numbers, start, compare, effort)
     if not (compare and model.overdetermined):
         return rows
-    apart = apart_by(model, numbers, rows.state)
+    apart = largest_gap(model, numbers, rows.state)
     solved = rows.status == RowStatus.SOLVED
     fits = solved & (apart <= _GROWN * rows.misfit)
     sole = no_other_near(model, numbers, rows.state, np.where(solved & ~fits, apart, np.inf))
@@ -138,7 +138,7 @@ def _compared(model: Model, coefficients: Array, rows: WarmStart, effort: Effort
     after = np.where(status == RowStatus.SOLVED, _energy(model, numbers, state), np.inf)
     won = np.nonzero(after < before)[0]
     rows = rows.put(won, WarmStart(state, status, rows.misfit).take(won))
-    status, apart = rows.status.copy(), apart_by(model, numbers, rows.state)
+    status, apart = rows.status.copy(), largest_gap(model, numbers, rows.state)
     status[(status != RowStatus.SOLVED) & pose.singular] = RowStatus.SINGULAR
     slack = _any_slack(model, numbers, rows.state)  # a slack rope is longer than the pose needs: no misfit
     alike = (pose.rival < LEAST_MISFIT) & (pose.rival < _ALIKE * np.maximum(pose.misfit, _NONE))

@@ -103,7 +103,7 @@ def _table() -> dict[str, Unit]:
     return {unit.text: unit for unit in units}
 
 
-UNITS = _table()  # closed
+UNITS = _table()  # all that there are
 
 _ALIASES = {"µm": "um", "μm": "um", "µrad": "urad", "μrad": "urad", "°": "deg", "°C": "degC", "inch": "in"}
 _WORDS = tuple(alias for alias in _ALIASES if alias.isascii())

@@ -41,7 +41,7 @@ def check_tables(
         messages = measurement_hints(loaded, problem, values, measured, sample=sample)
         nominal = NominalMisfitReport(nominal_misfit(sample), row_origin)
     hints = [Fault("plausibility", text) for text in messages]
-    hints += absurd_rows(problem, lambda row: row_origin(row))
+    hints += absurd_rows(problem, row_origin)
     if not problem.count:
         hints.append(nothing_measured(loaded, problem))
     copied = copied_rows(problem, measured)

@@ -14,7 +14,7 @@ from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.number_format import readable
 from pkmcal_cli.units.unit_text import parse_unit
 
-_TITLE = "Measured - predicted at nominal parameters; expected: by ranges and noise, rms"
+_TITLE = "Measured - predicted at nominal parameters{}; expected: by ranges and noise, rms"
 
 
 @dataclass(frozen=True)
@@ -31,8 +31,10 @@ class NominalMisfitReport:
             unit = parse_unit(c["unit"])
             sizes = (readable(unit.to_si(c[key]), unit) for key in ("rms", "expected", "max"))
             rows.append((c["name"], *sizes, str(self.row_origin(c["row"]))))
+        part, whole = len(self.misfit.sample.rows), len(self.misfit.sample.whole)
+        title = _TITLE.format("" if part == whole else f", {part} of {whole} rows")
         if rows:
-            to.table(_TITLE, ("reading", "rms", "expected", "max", "at"), rows)
+            to.table(title, ("reading", "rms", "expected", "max", "at"), rows)
 
     def json(self) -> list[dict[str, Any]]:
         """By channel."""
