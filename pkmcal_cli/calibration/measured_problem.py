@@ -31,10 +31,8 @@ def problem_of(model: Model, measurements: Measurements) -> Problem:
     rows = with_directions(with_covariates(rows, measurements), [a.name for a in model.actuators])
     rows = replace(rows, partner=measurements.partners)
     sigma = stated_sigma(model, readings)
-    for k, channel in enumerate(model.channels):
-        if channel.measurand is Measurand.DRIVE:  # columns have travel
-            stated[:, k] /= model.gains[channel.index]
-    sigma = np.where(np.isnan(stated), sigma, stated)
+    gains = [model.gains[c.index] if c.measurand is Measurand.DRIVE else 1.0 for c in model.channels]
+    sigma = np.where(np.isnan(stated), sigma, stated / gains)  # columns have travel
     known = ~np.isnan(readings) & ~np.isnan(sigma)
     model = with_frames(model, rows, np.where(known, readings, np.nan))
     problem = Problem(
@@ -51,8 +49,10 @@ def problem_of(model: Model, measurements: Measurements) -> Problem:
 
 
 def _by_channel(model: Model, measurements: Measurements, table: Array) -> Array:
-    """Columns of a table (N, K) by the channels of the model, nan where it has none."""
-    out = np.full((len(measurements), len(model.channels)), np.nan)
+    """Columns of a table (N, K) by the channels of the model, nan where it has none; itself where these are its."""
     names = [c.name for c in model.channels]
+    if names == list(measurements.channels):
+        return np.asarray(table)
+    out = np.full((len(measurements), len(names)), np.nan)
     out[:, [names.index(name) for name in measurements.channels]] = table
     return out

@@ -63,7 +63,7 @@ def evaluate(
     `predict`.
     """
     request = Request(problem.method, parameters=parameters, by_drive=parameters is not None, compare=compare)
-    moved = problem.rows if shift is None else problem.rows.moved(shift)
+    moved = problem.rows if shift is None or not shift.any() else problem.rows.moved(shift)
     every = bool(problem.measured.all())
     rows = replace(moved, measured=problem.readings if every else np.where(problem.measured, problem.readings, np.nan))
     prediction = predict_with_derivatives(problem.model, values, rows, request, start, receive)
@@ -127,9 +127,9 @@ class Linearised:
 
     def shift(self, step: Array) -> Array:
         """Drive errors (N, A) after the parameter step (P',), SI."""
-        out = self.kept.copy()
         if not self.drives:
-            return out
+            return self.kept
+        out = self.kept.copy()
         count = len(self.residual) - self.known
         residual = (self.residual - self.jacobian @ step)[:count].reshape(len(out), -1)
         if self.root is not None:  # the drives' errors are those without weights

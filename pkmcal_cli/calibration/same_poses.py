@@ -25,10 +25,10 @@ def poses_alike(table: Array, share: float) -> NDArray[np.intp]:
     Values of one pose differ by less than this share of their column's spread; in a scan so fine that poses merge, by
     less than a tenth of it, and so on.
     """
-    if not table.size:
+    varied = table[:, (table != table[:1]).any(axis=0)]  # what is equal in all rows tells none apart
+    if not varied.size:
         return np.zeros(len(table), dtype=np.intp)
-    spread = np.ptp(table, axis=0)
-    return _by_appearance(_merged((table - table.min(axis=0)) / np.where(spread > 0, share * spread, 1.0), _FINER))
+    return _by_appearance(_merged((varied - varied.min(axis=0)) / (share * np.ptp(varied, axis=0)), _FINER))
 
 
 def _merged(scaled: Array, finer: int) -> NDArray[np.intp]:

@@ -38,7 +38,7 @@ def with_directions(rows: Rows, names: Sequence[str]) -> Rows:
     derived = directions(rows.readings, rows.session)
     for a, name in enumerate(names):
         measured = columns.get(f"dir.{name}", np.full(len(rows), np.nan))
-        columns[f"dir.{name}"] = np.where(np.isnan(measured), derived[:, a], measured)
+        columns[f"dir.{name}"] = np.where(np.isnan(measured), derived[:, a], measured).astype(np.int8)  # lean
     return replace(rows, columns=columns)
 
 

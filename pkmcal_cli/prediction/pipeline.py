@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -32,6 +33,9 @@ Receiver = Callable[[slice, Prediction], None]
 _CHUNK_BYTES = 8e6  # of a chunk's largest arrays together, so that they stay in the processor's cache
 _SMOOTHED = 0.1  # share of the usual force over which the sign of a force is smoothed
 _LEAST_FORCE = 1e-3  # N
+_STATE = ("translation", "rotation", "multiplier")
+_LEAN = ("status", "misfit")  # often the same in all rows
+_FULL = ("values", "jacobian", "by_drive", "forces", "energy", "tension")
 _FEWEST = 32  # rows of a chunk, or the calls cost more than the arithmetic
 
 
@@ -165,32 +169,18 @@ def row_chunks(system: System, rows: int) -> Iterator[slice]:
         yield slice(k * rows // chunks, (k + 1) * rows // chunks)
 
 
-def _joined(parts: Sequence[Prediction]) -> Prediction:
-    """Predictions of consecutive chunks as one."""
-
-    def join(name: str) -> Array | None:
-        pieces = [getattr(part, name) for part in parts]
-        return None if pieces[0] is None else np.concatenate(pieces)
-
+def _joined(parts: list[Prediction]) -> Prediction:
+    """Predictions of consecutive chunks as one; empties the list, so that memory holds rows hardly more than once."""
     if len(parts) == 1:
-        return parts[0]
-    names = ("translation", "rotation", "multiplier")
-    state = State(*(lean_join([getattr(part.state, name) for part in parts]) for name in names))
-    slack, first = {}, 0
-    for part in parts:
-        slack.update({first + row: name for row, name in part.slack.items()})
-        first += len(part.status)
-    return Prediction(
-        values=np.concatenate([part.values for part in parts]),
-        status=lean_join([part.status for part in parts]),
-        state=state,
-        jacobian=join("jacobian"),
-        by_drive=join("by_drive"),
-        forces=join("forces"),
-        energy=join("energy"),
-        tension=join("tension"),
-        slack=slack,
-        ropes=None if parts[0].ropes is None else joined_rope_strains([p.ropes for p in parts if p.ropes is not None]),
-        misfit=lean_join([part.misfit for part in parts]),
-        steps=sum(part.steps for part in parts),
-    )
+        return parts.pop()
+    starts = np.cumsum([0, *(len(p.status) for p in parts)]).tolist()
+    slack = {start + row: names for start, p in zip(starts, parts, strict=False) for row, names in p.slack.items()}
+    ropes = None if parts[0].ropes is None else joined_rope_strains([p.ropes for p in parts if p.ropes is not None])
+    first = replace(parts[0], slack=slack, steps=sum(p.steps for p in parts), ropes=ropes)
+    columns = {name: [getattr(p, name) for p in parts] for name in (*_LEAN, *_FULL)}
+    states = {name: [getattr(p.state, name) for p in parts] for name in _STATE}
+    parts.clear()
+    state = State(*(lean_join(states.pop(name)) for name in _STATE))
+    joined: dict[str, Any] = {name: lean_join(columns.pop(name)) for name in _LEAN}
+    joined |= {name: np.concatenate(columns.pop(name)) for name in _FULL if columns[name][0] is not None}
+    return replace(first, state=state, **joined)
