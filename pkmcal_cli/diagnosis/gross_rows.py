@@ -7,8 +7,6 @@ noise, tails included, and if no effect of the catalogue explains it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc
@@ -21,6 +19,7 @@ from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, linearise
 from pkmcal_cli.diagnosis.outlying_rows import MOST, Tails
+from pkmcal_cli.diagnosis.rows_by_session import Index, RowsBySession, Steps
 from pkmcal_cli.prediction import WarmStart
 
 _TRIMMED = 0.25  # share of rows that the first fit leaves out
@@ -36,50 +35,6 @@ _WIDER, _SHARE = 100.0, 0.1  # ranges so much wider, and the share of its square
 _WORSE = 2.0  # times chi-square per degree of freedom without some rows, by which they may make a fit worse
 
 Rows = tuple[int, ...]
-Index = NDArray[np.intp]
-
-
-@dataclass(frozen=True)
-class _ByRow:
-    """Whitened residuals (N, C), Jacobian (N, C, p) in half ranges, values that are measured (N, C), offsets (p,)."""
-
-    residual: Array
-    jacobian: Array
-    on: NDArray[np.bool_]
-    offsets: Array
-
-    @property
-    def rows(self) -> Index:
-        """Rows with readings."""
-        return np.nonzero(self.on.any(axis=1))[0]
-
-    def take(self, rows: Index | slice) -> _ByRow:
-        """Some rows."""
-        return _ByRow(self.residual[rows], self.jacobian[rows], self.on[rows], self.offsets)
-
-    def fit(self, chosen: NDArray[np.bool_], wider: float = 1.0) -> tuple[Array, Array]:
-        """Steps (S, p) of the parameters by chosen rows (S, N) and their ranges, and normal matrices (S, p, p).
-
-        wider: by which the ranges are taken.
-        """
-        known = 0.25 / wider**2  # of a whole range
-        normal: Array | float = 0.0
-        right: Array | float = 0.0
-        for rows in parts_of(len(self.on)):
-            jacobian, chosen_rows = self.jacobian[rows], chosen[:, rows]
-            normal = normal + np.tensordot(chosen_rows.astype(float), np.einsum("ncp,ncq->npq", jacobian, jacobian), 1)
-            right = right + chosen_rows @ np.einsum("ncp,nc->np", jacobian, self.residual[rows])
-        normal = np.asarray(normal + known * np.eye(len(self.offsets)))
-        right = np.asarray(right - known * self.offsets)
-        return np.linalg.solve(normal, right[..., None])[..., 0], normal
-
-    def squares(self, step: Array) -> Array:
-        """Sums of squares (S, N) of the rows' residuals after steps (S, p)."""
-        squares = np.empty((len(step), len(self.residual)))
-        for rows in parts_of(len(self.on)):
-            left = self.residual[rows] - np.einsum("ncp,sp->snc", self.jacobian[rows], step)
-            squares[:, rows] = (left**2).sum(axis=2)
-        return squares
 
 
 def gross_rows(
@@ -124,12 +79,12 @@ def gross_rows(
     return gross, fit
 
 
-def _by_parameters(problem: Problem, by_row: _ByRow, rows: Rows, fit: Fit) -> bool:
+def _by_parameters(problem: Problem, by_row: RowsBySession, rows: Rows, fit: Fit) -> bool:
     """Whether parameters beyond their ranges explain some rows, which the others hardly tell: a zero of a session."""
     some = np.isin(np.arange(len(by_row.on)), rows)
     good = by_row.on.any(axis=1) & ~some
-    alone, both = (by_row.squares(by_row.fit(chosen[None], _WIDER)[0])[0] for chosen in (good, good | some))
-    ours = by_row.squares(by_row.fit(good[None])[0])[0]
+    alone, both = (by_row.squares(by_row.fit(chosen[None], _WIDER))[0] for chosen in (good, good | some))
+    ours = by_row.squares(by_row.fit(good[None]))[0]
     if both[some].sum() > _SHARE * ours[some].sum() or both[good].sum() > _WORSE * max(alone[good].sum(), good.sum()):
         return False
     try:
@@ -145,7 +100,7 @@ def _most(rows: int, share: float) -> int:
     return min(max(_ALWAYS, int(share * rows)), int(_TRIMMED * rows))
 
 
-def _by_row(problem: Problem, values: Array, selected: tuple[str, ...], states: WarmStart | None) -> _ByRow:
+def _by_row(problem: Problem, values: Array, selected: tuple[str, ...], states: WarmStart | None) -> RowsBySession:
     index = [problem.model.names.index(n) for n in selected]
     half = 0.5 * problem.model.ranges[index]
     residual, on = np.zeros(problem.readings.shape), np.zeros(problem.readings.shape, dtype=bool)
@@ -158,10 +113,11 @@ def _by_row(problem: Problem, values: Array, selected: tuple[str, ...], states: 
         jacobian[rows] = np.where(seen[..., None], (slopes * half).reshape(*seen.shape, -1), 0.0)
 
     evaluate_in_parts(problem, values, selected, states, visit)
-    return _ByRow(residual, jacobian, on, (values - problem.model.nominal)[index] / half)
+    offsets = (values - problem.model.nominal)[index] / half
+    return RowsBySession.of(residual, jacobian, on, problem.rows.session, offsets)
 
 
-def _trimmed(by_row: _ByRow, seed: int) -> NDArray[np.bool_]:
+def _trimmed(by_row: RowsBySession, seed: int) -> NDArray[np.bool_]:
     """The rows (N,), all but a share, that a fit explains best.
 
     Many starts take steps on a sample of a long table, the best go on with all rows (Rousseeuw and van Driessen 2006).
@@ -169,7 +125,7 @@ def _trimmed(by_row: _ByRow, seed: int) -> NDArray[np.bool_]:
     rng, rows = np.random.default_rng([seed, 7]), by_row.rows
     channels = by_row.on[rows].sum() / len(rows)
     sample = rows if len(rows) <= _SAMPLE else np.sort(rng.choice(rows, _SAMPLE, replace=False))
-    few = int(min(_kept(sample), max(3, np.ceil(len(by_row.offsets) / channels))))
+    few = int(min(_kept(sample), max(3, np.ceil(by_row.parameters / channels))))
     order = rng.random((_STARTS, len(sample))).argsort(axis=1)[:, :few]
     chosen = np.zeros((_STARTS, len(sample)), dtype=bool)
     np.put_along_axis(chosen, order, True, axis=1)
@@ -190,11 +146,11 @@ def _kept(rows: Index) -> int:
     return len(rows) - int(_TRIMMED * len(rows))
 
 
-def _concentrated(by_row: _ByRow, chosen: NDArray[np.bool_], steps: int) -> tuple[NDArray[np.bool_], Array]:
+def _concentrated(by_row: RowsBySession, chosen: NDArray[np.bool_], steps: int) -> tuple[NDArray[np.bool_], Array]:
     """Chosen rows (S, N) after some steps, each to those that the fit of the last explains best; their cost (S,)."""
     rows, cost = by_row.rows, np.zeros(len(chosen))
     for _ in range(steps):
-        squares = by_row.squares(by_row.fit(chosen)[0])[:, rows]
+        squares = by_row.squares(by_row.fit(chosen))[:, rows]
         order = np.argsort(squares, axis=1, kind="stable")[:, : _kept(rows)]
         fresh = np.zeros_like(chosen)
         np.put_along_axis(fresh, rows[order], True, axis=1)
@@ -205,7 +161,7 @@ def _concentrated(by_row: _ByRow, chosen: NDArray[np.bool_], steps: int) -> tupl
     return chosen, cost
 
 
-def _judged(by_row: _ByRow, good: NDArray[np.bool_], alpha: float, least: float) -> Rows:
+def _judged(by_row: RowsBySession, good: NDArray[np.bool_], alpha: float, least: float) -> Rows:
     """Rows that the good ones do not explain; these take in what they explain well, and nothing in doubt.
 
     Else one bad row among them widens their scatter, by which the next comes in.
@@ -226,18 +182,16 @@ def _judged(by_row: _ByRow, good: NDArray[np.bool_], alpha: float, least: float)
     return tuple(int(r) for r in np.nonzero(far)[0])
 
 
-def _deviations(by_row: _ByRow, good: NDArray[np.bool_], noisy: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+def _deviations(by_row: RowsBySession, good: NDArray[np.bool_], noisy: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
     """How far rows (N,) are off what the good ones (N,) tell without them, in their scatter, and p values.
 
     First of normal noise, then of noise with the tails of some rows (N,), `noisy`.
     """
-    step, normal = by_row.fit(good[None])
-    inverse = np.linalg.inv(normal[0])
-    parts = [_off(by_row.take(rows), good[rows], step[0], inverse) for rows in parts_of(len(by_row.on))]
+    steps = by_row.fit(good[None])
+    parts = [_off(by_row.take(rows), good[rows], steps) for rows in parts_of(len(by_row.on))]
     left, expected, statistic = (np.concatenate(part) for part in zip(*parts, strict=True))
     count = by_row.on.sum(axis=1)
-    taken = float(np.trace(inverse @ (normal[0] - 0.25 * np.eye(len(inverse)))))
-    freedom = max(float(count[good].sum()) - taken, 1.0)
+    freedom = max(float(count[good].sum()) - steps.determined(), 1.0)
     variance = max(float((left[good] ** 2).sum()) / freedom, 1.0)
     relative = statistic / np.maximum(count, 1) / variance
     normal_p = fdtrc(np.maximum(count, 1), freedom, relative)
@@ -248,10 +202,9 @@ def _deviations(by_row: _ByRow, good: NDArray[np.bool_], noisy: NDArray[np.bool_
     return np.sqrt(relative * count), np.where(measured, normal_p, 1.0), np.where(measured, p, 1.0)
 
 
-def _off(by_row: _ByRow, good: NDArray[np.bool_], step: Array, inverse: Array) -> tuple[Array, Array, Array]:
-    """What a step (p,) leaves of rows (N, C), its variances (N, C), its squares (N,) in standard uncertainties."""
-    left = by_row.residual - by_row.jacobian @ step
-    leverage = np.einsum("ncp,pq,ndq->ncd", by_row.jacobian, inverse, by_row.jacobian)
+def _off(by_row: RowsBySession, good: NDArray[np.bool_], steps: Steps) -> tuple[Array, Array, Array]:
+    """What steps leave of rows (N, C), its variances (N, C), its squares (N,) in standard uncertainties."""
+    left, leverage = by_row.left(steps), by_row.leverage(steps)
     unit = np.eye(leverage.shape[1])
     share = unit + np.where(good[:, None, None], -leverage, leverage)
     share = share + 1e-9 * unit
