@@ -28,7 +28,8 @@ def case(name: str) -> tuple[System, Array, State]:
     """A system, coefficients and states at which nothing is in balance."""
     if name == "hexapod7":
         task = hexapod(5)
-        coefficients = commanded_coefficients(task.model, BaseCoefficients.of(task.model, task.values), task.rows)
+        base = BaseCoefficients.of(task.model, task.values, task.rows)
+        coefficients = commanded_coefficients(task.model, base, task.rows)
         system, state = task.model.exact, predict(task.model, task.values, task.rows).state
     else:
         frame = structure(name, {"chain": 17, "platform": 8, "gantry": 18}[name], 5)

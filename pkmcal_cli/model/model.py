@@ -101,12 +101,6 @@ class Model:
         """By the name of each parameter the one that its sessions share, and the session."""
         return {p.name: (p.shared_name, p.session) for p in self.parameters}
 
-    def by_session(self, values: Array) -> tuple[Mapping[str, float], ...]:
-        """Values (P,) as mappings, one for each of `sessions` (one where there is none)."""
-        every = dict(zip(self.names, np.asarray(values).tolist(), strict=True))
-        each = ({p.shared_name: every[p.name] for p in self.parameters if p.session == s} for s in self.sessions)
-        return tuple({**every, **of_session} for of_session in each) or (every,)
-
     @cached_property
     def sessions(self) -> tuple[str, ...]:
         """Sessions that have parameters of their own."""

@@ -99,6 +99,8 @@ def displacements(
         reactive = placed.effect.reactive
         if reactive and reactions is None:
             continue
+        if placed.acts_in and not np.any(rows.columns.get(f"session.{placed.acts_in}", 0.0)):
+            continue
         sizes = [numbers[name] for name in placed.parameters]
         if not any(sizes) and asked.keys().isdisjoint(placed.parameters):
             continue

@@ -67,7 +67,7 @@ def drive_positions(
     """
     values, aimed = model.nominal if values is None else values, aimed or model.tool
     if rows is not None and model.sessions:
-        base = BaseCoefficients.of(model, values).rows(rows)
+        base = BaseCoefficients.of(model, values, rows).rows(rows)
     else:
         base = model.topology.coefficients.values(model.by_name(values))[None]
     held = model.motion_of(aimed).sets[0] if held is None else held

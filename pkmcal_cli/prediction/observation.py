@@ -132,7 +132,7 @@ def in_machine_frame(model: Model, values: Array, rows: Rows, readings: Array) -
     framed = [s for s in model.sensors if s.kind.reads_coordinates and "motion" in s.known]
     if not framed:
         return out
-    coefficients = BaseCoefficients.of(model, values).rows(rows)
+    coefficients = BaseCoefficients.of(model, values, rows).rows(rows)
     displacements(model, values, rows, (), None).apply(coefficients)
     for sensor in framed:
         motion, scale = sensor.known["motion"].coefficients, sensor.known.get("scale")

@@ -57,8 +57,8 @@ def predict(
     request = request or Request()
     if request.method != "exact" and (request.parameters is not None or request.by_drive):
         raise ValueError(f"method {request.method} has no derivatives; only the equilibrium has")
-    base = BaseCoefficients.of(model, values)
-    chain = Chain.of(model, values, request)
+    base = BaseCoefficients.of(model, values, rows)
+    chain = Chain.of(model, values, request, rows)
     moved = _moved(model, values, base, rows, request, chain=chain, start=start)
     parts = []
     for chunk in row_chunks(model.exact, len(rows)):
@@ -80,8 +80,8 @@ def predict(
 
 def configuration(model: Model, values: Array, rows: Rows, row: int, method: Method = "exact") -> Solution:
     """Solve the state of one row at parameter values (P,), SI; effects see the whole table."""
-    base, request = BaseCoefficients.of(model, values), Request(method)
-    moved = _moved(model, values, base, rows, request, chain=Chain.of(model, values, request), start=None)
+    base, request = BaseCoefficients.of(model, values, rows), Request(method)
+    moved = _moved(model, values, base, rows, request, chain=Chain.of(model, values, request, rows), start=None)
     only = slice(row, row + 1)
     coefficients = commanded_coefficients(model, base, rows.take(only))
     moved.take(only).apply(coefficients)
@@ -140,7 +140,7 @@ def fixed_smoothing(model: Model, values: Array, rows: Rows) -> Model:
     some = [e for e in model.effects if e.effect.reactive and "smooth" not in e.options and _smooths(e)]
     if not some:
         return model
-    base = BaseCoefficients.of(model, values)
+    base = BaseCoefficients.of(model, values, rows)
     earlier = _earlier_pass(model, base, rows, some, None, displacements(model, values, rows, (), None))
     size = dict(zip(earlier.places, np.sqrt(np.nanmean(earlier.values**2, axis=0)), strict=True))
     fixed = {e.name: max(_SMOOTHED * max(float(size[s.place]) for s in e.sites), _LEAST_FORCE) for e in some}

@@ -85,7 +85,7 @@ def placed_tool_poses(model: Model, readings: Array) -> Array:
     readings (N, A): n of them have such a pose. What redundant drives read takes no part.
     """
     rows = Rows.at(readings)
-    coefficients = commanded_coefficients(model, BaseCoefficients.of(model, model.nominal), rows)
+    coefficients = commanded_coefficients(model, BaseCoefficients.of(model, model.nominal, rows), rows)
     state, status = rigid_pose(model, coefficients, _RIGID, Effort())
     solved = np.nonzero(status == RowStatus.SOLVED)[0]
     tool = model.tool

@@ -70,6 +70,10 @@ class Rows:
         flags = np.nan_to_num([self.columns.get(f"session.{name}", np.zeros(len(self))) for name in names])
         return np.asarray(np.argmax(flags, axis=0)) if names else np.zeros(len(self), dtype=np.intp)
 
+    def sessions_among(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Those of some sessions that rows belong to, by `session_numbers`."""
+        return tuple(names[k] for k in np.unique(self.session_numbers(names)).tolist()) if names else ()
+
     def moved(self, shift: Array) -> Rows:
         """The same with the drive readings moved by `shift` (N, A)."""
         return replace(self, readings=self.readings + shift)

@@ -6,6 +6,7 @@ position = zero + gain * reading for drives that hold their position; a force fo
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,16 +20,17 @@ from pkmcal_cli.prediction.rows import Request, Rows
 
 @dataclass(frozen=True)
 class BaseCoefficients:
-    """Coefficients (K, S) that parameters give, one line for each session that has parameters of its own, else one."""
+    """Coefficients (K, S) by parameters, a line for each session of rows with parameters of its own, else one."""
 
     lines: Array
     sessions: tuple[str, ...]
 
     @classmethod
-    def of(cls, model: Model, values: Array) -> BaseCoefficients:
-        """At parameter values (P,)."""
-        lines = [model.topology.coefficients.values(numbers) for numbers in model.by_session(values)]
-        return cls(np.array(lines), model.sessions)
+    def of(cls, model: Model, values: Array, rows: Rows) -> BaseCoefficients:
+        """At parameter values (P,), of some rows."""
+        sessions = rows.sessions_among(model.sessions)
+        lines = [model.topology.coefficients.values(numbers) for numbers in _by_session(model, values, sessions)]
+        return cls(np.array(lines), sessions)
 
     def rows(self, rows: Rows) -> Array:
         """Coefficients (N, S) of rows, the row index running fastest."""
@@ -69,29 +71,48 @@ def drive_travels(model: Model, values: Array, readings: Array, rows: Rows) -> A
     return np.asarray(readings * gains + coefficients[:, places] - base[places])
 
 
+def _by_session(model: Model, values: Array, sessions: Sequence[str]) -> tuple[Mapping[str, float], ...]:
+    """Values (P,) as mappings, one for each of some sessions (one where there is none)."""
+    every = dict(zip(model.names, np.asarray(values).tolist(), strict=True))
+    own: dict[str, dict[str, float]] = {session: {} for session in sessions}
+    for parameter in model.parameters:
+        if parameter.session in own:
+            own[parameter.session][parameter.shared_name] = every[parameter.name]
+    return tuple({**every, **of_session} for of_session in own.values()) or (every,)
+
+
 @dataclass(frozen=True)
 class Chain:
-    """Chain rule from coefficients to the parameters that are asked for."""
+    """Chain rule from coefficients to the parameters that are asked for, one line for each session of rows, else one.
+
+    jacobian (K, U, V): of the coefficients that depend on them, by those parameters, of the P' asked for, that any
+    depends on; without any where none is asked for.
+    """
 
     model: Model
-    coefficients: Index  # (U,) coefficients that depend on them
-    jacobian: Array | None  # (K, U, P') d coefficients / d parameters, one per session; None where not asked for
+    sessions: tuple[str, ...]
+    coefficients: Index  # (U,)
+    parameters: Index  # (V,)
+    jacobian: Array
+    count: int | None  # P'; None where none is asked for
 
     @classmethod
-    def of(cls, model: Model, values: Array, request: Request) -> Chain:
-        """The chain at parameter values (P,)."""
+    def of(cls, model: Model, values: Array, request: Request, rows: Rows) -> Chain:
+        """The chain at parameter values (P,), of some rows."""
+        nothing, sessions = np.zeros(0, dtype=np.intp), rows.sessions_among(model.sessions)
         if request.parameters is None:
-            return cls(model, np.zeros(0, dtype=np.intp), None)
+            return cls(model, sessions, nothing, nothing, np.zeros((1, 0, 0)), None)
         asked = [model.shared[name] for name in request.parameters]
-        parts = []
-        for session, numbers in zip(model.sessions or ("",), model.by_session(values), strict=True):
-            names = dict.fromkeys(name for name, _ in asked)  # instances of one parameter share a column
-            column_of = {name: k for k, name in enumerate(names)}
-            full = model.topology.coefficients.jacobian(numbers, list(names))[:, [column_of[name] for name, _ in asked]]
-            parts.append(full * np.array([of_session in ("", session) for _, of_session in asked], dtype=float))
-        every = np.stack(parts)
-        used = np.nonzero(every.any(axis=(0, 2)))[0]
-        return cls(model, used, every[:, used])
+        names = list(dict.fromkeys(name for name, _ in asked))  # instances of one parameter share a column
+        lines = _by_session(model, values, sessions)
+        shared = np.stack([model.topology.coefficients.jacobian(numbers, names) for numbers in lines])  # (K, S, names)
+        used, acting = np.nonzero(shared.any(axis=(0, 2)))[0], np.asarray(shared.any(axis=(0, 1)))
+        column_of = {name: k for k, name in enumerate(names)}
+        columns = np.array([column_of[name] for name, _ in asked], dtype=np.intp)
+        parameters = np.nonzero(acting[columns])[0]
+        own = np.array([[asked[k][1] in ("", s) for k in parameters] for s in sessions or ("",)], dtype=float)
+        jacobian = shared[:, used][..., columns[parameters]] * own[:, None]
+        return cls(model, sessions, used, parameters, jacobian, len(asked))
 
     def apply(
         self, rows: Rows, coefficients: Array, by_coefficient: Array, moved: Displacements
@@ -100,7 +121,7 @@ class Chain:
 
         Effects and then the command stage add their share to `by_coefficient`.
         """
-        jacobian = None if self.jacobian is None else np.zeros((*by_coefficient.shape[:2], self.jacobian.shape[2]))
+        jacobian = None if self.count is None else np.zeros((*by_coefficient.shape[:2], self.count))
         by_drive = np.zeros((*by_coefficient.shape[:2], len(self.model.actuators)))
         moved.chain(coefficients, by_coefficient, jacobian, by_drive)
         for a, (drive, actuator) in enumerate(zip(self.model.topology.drives, self.model.actuators, strict=True)):
@@ -113,10 +134,8 @@ class Chain:
                 by_position, gain = by_coefficient[..., drive.coefficient], actuator.gain_coefficient
                 by_drive[..., a] += by_position * coefficients[:, None, gain]
                 by_coefficient[..., gain] += by_position * rows.readings[:, None, a]
-        if jacobian is not None and self.jacobian is not None:
+        if jacobian is not None:
             lines = self.jacobian
-            if len(lines) == 1:
-                jacobian += by_coefficient[..., self.coefficients] @ lines[0]
-            else:
-                jacobian += by_coefficient[..., self.coefficients] @ lines[rows.session_numbers(self.model.sessions)]
+            line = lines[0] if len(lines) == 1 else lines[rows.session_numbers(self.sessions)]
+            jacobian[..., self.parameters] += by_coefficient[..., self.coefficients] @ line
         return jacobian, by_drive
