@@ -42,7 +42,7 @@ class ImprovementReport(ImprovedFiles):
         return {
             "verdict": self.verdict,
             "diagnosis": improvement.whole.verdict,
-            "provisional": bool(improvement.whole.unknown),
+            "provisional": bool(improvement.whole.unknown) or any(f.provisional for f in improvement.whole.findings),
             "rotations": improvement.rotations,
             "steps": [self._step_json(s) for s in improvement.steps],
             "before": figures_json(self.machine, improvement.before.report),

@@ -12,7 +12,7 @@ implausible[] text: why the result is not to be believed; empty if it is
 failures[] text: `missing`: something significant is left; `not_confirmed`: report rows do not confirm what was
     accepted; `sigma_too_small`; `implausible` (not with `--accept`)
 diagnosis text: verdict of the diagnosis of all rows
-provisional flag: whether something unknown remains that the effects may be absorbing
+provisional flag: whether something unknown remains, or one of the effects found is provisional, as in `diagnose`
 rotations integer: number of splits of the table; in each, one block serves only for reporting
 steps[].effect text: effects tried, as in `diagnose`
 steps[].at text:
