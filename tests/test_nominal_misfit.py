@@ -21,6 +21,18 @@ parameters: {h: {nominal: 640, range: 0.1}}
 bars: {b1: {between: [A, C], EA: 20 MN, length: h}, b2: {between: [B, C], EA: 20 MN}}
 sensors: {t: {at: C, reads: [x, y], frame: machine, sigma: 10 um}}
 """
+STACKED = """
+units: {length: mm, angle: deg, force: N}
+space: planar
+ranges: {length: 0.1}
+guides: {rail: {at: [0, 0]}, upper: {body: car}}
+bodies:
+  car: {guide: rail, at: 500}
+  fine: {guide: upper, at: 50, points: {tip: [0, l]}}
+actuators: {q1: {moves: car}, q2: {moves: fine}}
+parameters: {l: {nominal: 30, range: 0.1}}
+sensors: {t: {at: tip, reads: [x, y], frame: machine, sigma: 10 um}}
+"""
 
 
 def spoilt(folder: Path, off: dict[str, float]) -> Path:
@@ -82,6 +94,14 @@ def test_a_frame_without_drives_is_far_off_by_no_drive(tmp_path: Path) -> None:
     assert done.code == 0, done.err
     (text,) = done.json["measurements"]["warnings"]
     assert "times farther from the nominal machine" in text and "Drive" not in text
+
+
+def test_of_two_drives_that_explain_it_as_well_none_is_named(tmp_path: Path) -> None:
+    """A fine axis on a coarse one, both along x, which reads 5 mm too much."""
+    (tmp_path / "m.yaml").write_text(STACKED, encoding="utf-8")
+    (tmp_path / "t.csv").write_text("q1,q2,x,y\n100,20,125,30\n300,-20,285,30.01\n0,10,15,30\n", encoding="utf-8")
+    (text,) = run("check", tmp_path / "m.yaml", tmp_path / "t.csv", "--json").json["measurements"]["warnings"]
+    assert "the readings of `x` are" in text and "Drive" not in text
 
 
 def test_of_a_long_table_the_sample_is_told(tmp_path: Path) -> None:

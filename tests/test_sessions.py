@@ -264,3 +264,26 @@ def _moved(line: str, column: int, by: float) -> str:
     cells = line.split(",")
     cells[column] = repr(float(cells[column]) + by)
     return ",".join(cells)
+
+
+def test_an_instrument_that_is_set_up_anew_for_every_session() -> None:
+    """Moved by 7 and -12 mm and turned by 1 deg between two sessions, each of which has a frame of its own."""
+    Path("set-up.yaml").write_text(f"""
+extends: {MACHINES / "triglide.yaml"}
+sensors: {{tracker: {{frame: fitted per session}}}}
+""")
+    rows = list(csv.DictReader((MACHINES / "triglide.csv").open(encoding="utf-8")))[::3]
+    cosine, sine = np.cos(np.radians(1.0)), np.sin(np.radians(1.0))
+    lines = ["session,q1,q2,q3,x,y"]
+    for k, row in enumerate(rows):
+        x, y = float(row["x [mm]"]), float(row["y [mm]"])
+        if k % 2:
+            x, y = cosine * x - sine * y + 7.0, sine * x + cosine * y - 12.0
+        drives = ",".join(row[f"q{a} [mm]"] for a in (1, 2, 3))
+        lines.append(f"{('mon', 'tue')[k % 2]},{drives},{x:.6f},{y:.6f}")
+    Path("set-up.csv").write_text("\n".join(lines) + "\n")
+    result = run("calibrate", "set-up.yaml", "set-up.csv", "--holdout", "none", "--json").json
+    assert result["status"] == "converged" and result["chi2_per_dof"] < 2.0
+    by_name = {p["name"]: p for p in result["parameters"]}
+    mon, tue = (by_name[f"frame@tracker.rz[{name}]"] for name in ("mon", "tue"))
+    assert abs(tue["value"] - mon["value"]) == pytest.approx(1.0, abs=5 * (mon["std"] + tue["std"]))

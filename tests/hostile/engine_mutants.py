@@ -156,4 +156,23 @@ ENGINE = (
         "0 * sign * strain**2 / 2",
         _S + "test_tension_follows_the_stiffness_of_a_rope_that_stretches_by_some_per_cent",
     ),
+    Mutant(
+        "prediction/other_assemblies.py",
+        "np.where(far & (misfit <= LEAST_MISFIT), 0.0, misfit)",
+        "misfit",
+        "tests/test_branches.py::test_what_is_known_of_a_pose_holds_nearby_only",
+    ),
+    Mutant(
+        "model/freedoms.py",
+        "squares -= misfit[todo, None] / _FOLD",
+        "squares -= 0.0",
+        "tests/test_branches.py",
+    ),
+    Mutant("prediction/stages.py", 'asked[k][1] in ("", s)', "True", "tests/test_sessions.py"),
+    Mutant(
+        "prediction/displacements.py",
+        "if placed.acts_in and not np.any(",
+        "if placed.acts_in and np.any(",
+        "tests/test_sessions.py",
+    ),
 )

@@ -8,6 +8,7 @@ _S = "tests/test_survivors.py::"
 _LINEAR = "tests/test_diagnosis_linear.py::"
 _SCORES = _LINEAR + "test_scores_are_those_of_least_squares"
 _ISO = "tests/test_positioning_accuracy.py"
+_ROWS = "tests/test_rows_by_session.py"
 
 INFERENCE = (
     Mutant(
@@ -162,4 +163,30 @@ INFERENCE = (
         "_STEP = 1e-1",
         _S + "test_exact_readings_give_exact_parameters_however_wide_the_ranges_are",
     ),
+    Mutant(
+        "gross_errors/nominal_misfit.py",
+        "        shift += float(",
+        "        shift -= float(",
+        "tests/test_nominal_misfit.py",
+    ),
+    Mutant(
+        "gross_errors/nominal_misfit.py",
+        "others and others[0] < _RIVAL * least",
+        "False",
+        "tests/test_nominal_misfit.py",
+    ),
+    Mutant(
+        "diagnosis/experiment_design.py",
+        "np.linalg.inv(equal + _ROUNDING * np.eye(len(size)))",
+        "np.linalg.inv(equal)",
+        "tests/test_separable.py",
+    ),
+    Mutant(
+        "diagnosis/rows_by_session.py",
+        'right - np.einsum("skba,skb->sa", crossed, own)',
+        'right + np.einsum("skba,skb->sa", crossed, own)',
+        _ROWS,
+    ),
+    Mutant("diagnosis/rows_by_session.py", "self.shared - self.own @ steps", "self.shared + self.own @ steps", _ROWS),
+    Mutant("diagnosis/rows_by_session.py", "(acts.sum(axis=0) == 1) & (count > 1)", "acts.sum(axis=0) == 1", _ROWS),
 )
