@@ -25,6 +25,7 @@ _LOG_TAU = np.linspace(-4.0, 5.0, 361)  # far beyond what a prior of that width 
 _HALF_PRECISION = 0.5 * np.exp(-2.0 * _LOG_TAU)
 _OWN_FREEDOM = 10.0
 _CHAINS, _STEPS, _WARMING = 40, 35, 10
+_ENTRIES = 2e6  # of the matrices of chains that are worked on together
 _QUIET = 1e-8  # least variance of noise, in stated ones
 _KNOWN = 1e5  # half ranges over uncertainty: what is known better than that is known
 
@@ -152,13 +153,17 @@ def _drawn(evidence: Evidence, seed: int) -> Scales:
 
 def _offsets(rng: np.random.Generator, evidence: Evidence, variance: Array, noise: Array) -> Array:
     """Offsets (M, q) given their variances (M, q) and those of the instruments (M, G)."""
-    q = len(evidence.centre)
-    pulled = evidence.score + evidence.information @ evidence.centre  # (G, q)
-    precision = ((1.0 / noise) @ evidence.information.reshape(-1, q * q)).reshape(-1, q, q)
-    precision[:, np.arange(q), np.arange(q)] += 1.0 / variance
-    drawn = np.linalg.cholesky(precision) @ rng.normal(size=(*variance.shape, 1))
-    drawn += ((1.0 / noise) @ pulled)[..., None]
-    return np.asarray(np.linalg.solve(precision, drawn)[..., 0])
+    q, weights = len(evidence.centre), 1.0 / noise
+    pulled = weights @ (evidence.score + evidence.information @ evidence.centre)  # (M, q)
+    out = rng.normal(size=variance.shape)
+    together = max(int(_ENTRIES / q**2), 1)  # chains
+    for first in range(0, len(out), together):
+        some = slice(first, first + together)
+        precision = (weights[some] @ evidence.information.reshape(-1, q * q)).reshape(-1, q, q)
+        precision[:, np.arange(q), np.arange(q)] += 1.0 / variance[some]
+        drawn = np.linalg.cholesky(precision) @ out[some, :, None] + pulled[some, :, None]
+        out[some] = np.linalg.solve(precision, drawn)[..., 0]
+    return out
 
 
 def _of_instruments(rng: np.random.Generator, evidence: Evidence, offsets: Array) -> Array:
