@@ -146,11 +146,12 @@ def needed_only(search: Search) -> Search:
 def _is_discrepancy(search: Search, scored: Scored, best: int) -> bool:
     """Whether a hypothesis is significant only as long as accepted effects have no free shape.
 
-    A richer shape of the same place is no model discrepancy: it has a name.
+    A richer shape of the same place is no model discrepancy: it has a name. A group that goes beyond that place is one
+    unless its other members speak for it.
     """
     hypothesis = scored.hypotheses[best]
     places = {p.at for p in hypothesis.placed}
-    others = [h for h in search.accepted if places.isdisjoint(p.at for p in h.placed)]
+    others = [h for h in search.accepted if not places <= {p.at for p in h.placed}]
     extra = discrepancy_columns(search.problem, search.fit, others, search.known)
     if not extra.shape[1]:
         return False
