@@ -20,6 +20,7 @@ from pkmcal_cli.diagnosis.confirm import held_out_gain
 from pkmcal_cli.diagnosis.free_shapes import FittedShape, fitted_shapes, places
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear
+from pkmcal_cli.diagnosis.model_discrepancy import discrepancy_columns
 from pkmcal_cli.diagnosis.noise_tests import chance_of_noise
 from pkmcal_cli.diagnosis.refits import recalibrated
 from pkmcal_cli.diagnosis.scale import Scale
@@ -49,6 +50,8 @@ def with_shape(search: Search, last: Scored) -> Search | None:
             ways.append((gain, removed, shapes))
     gain, removed, shapes = max(ways, key=lambda way: way[0], default=(0.0, (), []))
     if gain <= _BETTER:
+        return None
+    if _is_left_by_named(search, removed, last):
         return None
     linear = linear_without(search, removed, _alike(search, shapes[0])).prewhitened(last.linear.memory)
     return None if _is_named(search, shapes[0], linear) else _accepted(search, gain, removed, shapes)
@@ -108,6 +111,18 @@ def _is_named(search: Search, shape: FittedShape, linear: Linear) -> bool:
     """Whether a named effect at its site explains nearly all that a shape does."""
     explained = [linear.explained(linear.of(h.parameters))[0] for h in _alike(search, shape)]
     return max(explained, default=0.0) > _OWN_SHARE * shape.statistic
+
+
+def _is_left_by_named(search: Search, removed: Sequence[Hypothesis], last: Scored) -> bool:
+    """Whether nothing is left for a shape where the effects that stay have free shapes, each at its own site."""
+    stay = [h for h in search.near if h not in removed]
+    extra = discrepancy_columns(search.problem, search.fit, stay, search.known)
+    if not extra.shape[1]:
+        return False
+    linear = linear_without(search, removed, removed)
+    free = linear.projecting(linear.projected, extra=linear.whitened(extra)).prewhitened(last.linear.memory)
+    shapes = _fitted_shapes(search, removed, free, last.scale)
+    return not shapes or shapes[0].evidence <= _BETTER
 
 
 def _stands_out(search: Search, shape: FittedShape, linear: Linear, scale: Scale) -> bool:
