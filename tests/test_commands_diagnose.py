@@ -60,9 +60,9 @@ def test_hangprinter_radius_and_build_up(table: str) -> None:
     own, of this size, and something is left.
     """
     done = diagnosed(HANGPRINTER, table)
-    (spools,) = (e for e in done.json["effects"] if e["effect"] == "buildup")
-    assert spools["at"] == "each" and len(spools["parameters"]) == 4
-    assert all(p["value"] < 0 for p in spools["parameters"])
+    spools = [e for e in done.json["effects"] if e["effect"] == "buildup"]
+    assert {"each", "all"} & {e["at"] for e in spools}, "those of all spools, or with one that has more"
+    assert all(p["value"] < 0 for e in spools for p in e["parameters"])
     assert done.json["chi2_per_dof_before"] > 8 * done.json["chi2_per_dof_after"]
     if table == SECOND:
         assert done.json["verdict"] == "unknown" and all(e["provisional"] for e in done.json["effects"])
