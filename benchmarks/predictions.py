@@ -57,7 +57,8 @@ def hexapod_lines(effort: Effort) -> list[Line]:
     task = hexapod(count)
     made, rows, system = task.model, task.rows, task.model.exact
     iterates = _iterates(task)
-    coefficients, state = commanded_coefficients(made, BaseCoefficients.of(made, task.values), rows), iterates[-1].state
+    coefficients = commanded_coefficients(made, BaseCoefficients.of(made, task.values, rows), rows)
+    state = iterates[-1].state
     parts = [(coefficients[chunk], state.take(chunk)) for chunk in row_chunks(system, count)]
     names = made.names[:10]
     cases = {
@@ -86,7 +87,8 @@ def triglide(count: int) -> Task:
 def small_machines(effort: Effort) -> list[Line]:
     """The step of a small machine against its bare solution, and what a call costs at numbers of rows as measured."""
     task, few = triglide(effort.rows(2000)), triglide(effort.rows(80))
-    coefficients = commanded_coefficients(task.model, BaseCoefficients.of(task.model, task.values), task.rows)
+    base = BaseCoefficients.of(task.model, task.values, task.rows)
+    coefficients = commanded_coefficients(task.model, base, task.rows)
     state = predict(task.model, task.values, task.rows).state
     own = {"triglide": triglide(effort.rows(231)), "hexapod7": hexapod(effort.rows(231))}
     limits, lines = {"triglide": 3.0, "hexapod7": 60.0}, []
