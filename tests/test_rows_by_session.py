@@ -19,7 +19,7 @@ def test_steps_and_uncertainties_are_those_of_the_whole_normal_matrix() -> None:
     jacobian *= (places < 0) | (places == session[:, None])[:, None]
     residual, offsets = rng.normal(size=(ROWS, CHANNELS)), rng.normal(size=len(places))
     rows = RowsBySession.of(residual, jacobian, np.ones_like(residual, dtype=bool), session, offsets)
-    assert (rows.shared.shape[2], rows.own.shape[2]) == (SHARED, OWN)
+    assert (rows.shared.shape[2], rows.local.shape[2]) == (SHARED, OWN)
     chosen = rng.random((3, ROWS)) < 0.7
     steps = rows.fit(chosen)
     for k, some in enumerate(chosen):
@@ -36,4 +36,4 @@ def test_steps_and_uncertainties_are_those_of_the_whole_normal_matrix() -> None:
 def test_what_acts_in_one_session_alone_is_shared_where_there_is_no_other() -> None:
     jacobian = np.ones((8, 1, 2))
     rows = RowsBySession.of(np.ones((8, 1)), jacobian, np.ones((8, 1), dtype=bool), np.zeros(8, dtype=int), np.zeros(2))
-    assert rows.own.shape[2] == 0 and rows.shared is jacobian
+    assert rows.local.shape[2] == 0 and rows.shared is jacobian

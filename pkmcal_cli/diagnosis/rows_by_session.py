@@ -23,39 +23,39 @@ Index = NDArray[np.intp]
 class Steps:
     """Steps of the parameters for S choices, in half ranges, and what their uncertainties follow from.
 
-    shared (S, a); own (S, K, b) by session; normal (S, a, a): of the shared ones, the own ones eliminated; own_normal
-    (S, K, b, b): of a session's own; ratio (S, K, b, a): by how much these give way to the shared ones.
+    shared (S, a); local (S, K, b), of one session each; normal (S, a, a): of the shared ones, others eliminated;
+    local_normal (S, K, b, b): of those of a session; ratio (S, K, b, a): by how much these give way to the shared ones.
     """
 
     shared: Array
-    own: Array
+    local: Array
     normal: Array
-    own_normal: Array
+    local_normal: Array
     ratio: Array
 
     def determined(self) -> float:
         """How many parameters the rows of the first choice determine, those that the prior gives left out."""
-        inverse, own = np.linalg.inv(self.normal[0]), np.linalg.inv(self.own_normal[0])
-        given = np.trace(inverse) + np.einsum("kbb->", own)
-        given += np.einsum("kba,ac,kbc->", self.ratio[0], inverse, self.ratio[0])
-        return float(len(inverse) + own.shape[0] * own.shape[1] - KNOWN * given)
+        inverse, local = np.linalg.inv(self.normal[0]), np.linalg.inv(self.local_normal[0])
+        by_prior = np.trace(inverse) + np.einsum("kbb->", local)
+        by_prior += np.einsum("kba,ac,kbc->", self.ratio[0], inverse, self.ratio[0])
+        return float(len(inverse) + local.shape[0] * local.shape[1] - KNOWN * by_prior)
 
 
 @dataclass(frozen=True, kw_only=True)
 class RowsBySession:
-    """Whitened residuals (N, C), derivatives by shared (N, C, a) and own (N, C, b) parameters in half ranges.
+    """Whitened residuals (N, C), derivatives by shared (N, C, a) and local (N, C, b) parameters in half ranges.
 
-    on (N, C): values that are measured; session (N,) of each row; offsets (a,) and own_offsets (K, b): from nominal,
+    on (N, C): values that are measured; session (N,) of each row; offsets (a,) and local_offsets (K, b): from nominal,
     where the derivatives hold. Of a session with fewer than b parameters the others do nothing.
     """
 
     residual: Array
     shared: Array
-    own: Array
+    local: Array
     on: NDArray[np.bool_]
     session: Index
     offsets: Array
-    own_offsets: Array
+    local_offsets: Array
 
     @classmethod
     def of(
@@ -68,19 +68,19 @@ class RowsBySession:
         only = np.where((acts.sum(axis=0) == 1) & (count > 1), acts.argmax(axis=0), -1)  # (p,)
         places = [np.nonzero(only == k)[0] for k in range(count)]
         width = max(map(len, places))
-        own, own_offsets = np.zeros((*residual.shape, width)), np.zeros((count, width))
+        local, local_offsets = np.zeros((*residual.shape, width)), np.zeros((count, width))
         for k, columns in enumerate(places):
             rows = session == k
-            own[rows, :, : len(columns)] = jacobian[rows][:, :, columns]
-            own_offsets[k, : len(columns)] = offsets[columns]
+            local[rows, :, : len(columns)] = jacobian[rows][:, :, columns]
+            local_offsets[k, : len(columns)] = offsets[columns]
         return cls(
             residual=residual,
             shared=jacobian[..., only < 0] if width else jacobian,
-            own=own,
+            local=local,
             on=on,
             session=session,
             offsets=offsets[only < 0],
-            own_offsets=own_offsets,
+            local_offsets=local_offsets,
         )
 
     @property
@@ -91,36 +91,36 @@ class RowsBySession:
     @property
     def parameters(self) -> int:
         """Number of all parameters."""
-        return len(self.offsets) + self.own_offsets.size
+        return len(self.offsets) + self.local_offsets.size
 
     def take(self, rows: Index | slice) -> RowsBySession:
         """Some rows."""
         return RowsBySession(
             residual=self.residual[rows],
             shared=self.shared[rows],
-            own=self.own[rows],
+            local=self.local[rows],
             on=self.on[rows],
             session=self.session[rows],
             offsets=self.offsets,
-            own_offsets=self.own_offsets,
+            local_offsets=self.local_offsets,
         )
 
     def fit(self, chosen: NDArray[np.bool_], wider: float = 1.0) -> Steps:
         """Steps by chosen rows (S, N) and the ranges; wider: by which the ranges are taken."""
-        known, a, b = KNOWN / wider**2, len(self.offsets), self.own_offsets.shape[1]
+        known, a, b = KNOWN / wider**2, len(self.offsets), self.local_offsets.shape[1]
         normal, right = self._shared_sums(chosen)
         normal, right = normal + known * np.eye(a), right - known * self.offsets
-        sums = self._own_sums(chosen)
-        own_normal = sums[..., :b] + known * np.eye(b)  # (S, K, b, b)
-        sums[..., -1] -= known * self.own_offsets
-        solved = np.linalg.solve(own_normal, sums[..., b:])  # (S, K, b, a + 1)
-        crossed, ratio, own = sums[..., b:-1], solved[..., :a], solved[..., a]
+        sums = self._local_sums(chosen)
+        local_normal = sums[..., :b] + known * np.eye(b)  # (S, K, b, b)
+        sums[..., -1] -= known * self.local_offsets
+        solved = np.linalg.solve(local_normal, sums[..., b:])  # (S, K, b, a + 1)
+        crossed, ratio, local = sums[..., b:-1], solved[..., :a], solved[..., a]
         if b:
             normal = normal - np.einsum("skba,skbc->sac", crossed, ratio)
-            right = right - np.einsum("skba,skb->sa", crossed, own)
+            right = right - np.einsum("skba,skb->sa", crossed, local)
         shared = np.linalg.solve(normal, right[..., None])[..., 0]
-        own = own - np.einsum("skba,sa->skb", ratio, shared)
-        return Steps(shared=shared, own=own, normal=normal, own_normal=own_normal, ratio=ratio)
+        local = local - np.einsum("skba,sa->skb", ratio, shared)
+        return Steps(shared=shared, local=local, normal=normal, local_normal=local_normal, ratio=ratio)
 
     def _shared_sums(self, chosen: NDArray[np.bool_]) -> tuple[Array, Array]:
         """Products of shared parameters with each other (S, a, a) and residuals (S, a), over chosen rows."""
@@ -131,14 +131,15 @@ class RowsBySession:
             right += chosen_rows @ np.einsum("ncp,nc->np", jacobian, self.residual[rows])
         return normal, right
 
-    def _own_sums(self, chosen: NDArray[np.bool_]) -> Array:
-        """Products of own parameters with own and shared ones and residuals, over chosen rows: (S, K, b, b + a + 1)."""
-        sessions, b = self.own_offsets.shape
+    def _local_sums(self, chosen: NDArray[np.bool_]) -> Array:
+        """Products of local parameters with local, shared ones and residuals, over chosen rows: (S, K, b, b + a + 1)."""
+        sessions, b = self.local_offsets.shape
         out = np.zeros((len(chosen), sessions, b, b + len(self.offsets) + 1))
         for k in range(sessions if b else 0):
             rows = np.nonzero(self.session == k)[0]
-            every = np.concatenate([self.own[rows], self.shared[rows], self.residual[rows, :, None]], axis=2)
-            out[:, k] = np.tensordot(chosen[:, rows].astype(float), np.einsum("ncb,ncj->nbj", self.own[rows], every), 1)
+            every = np.concatenate([self.local[rows], self.shared[rows], self.residual[rows, :, None]], axis=2)
+            products = np.einsum("ncb,ncj->nbj", self.local[rows], every)
+            out[:, k] = np.tensordot(chosen[:, rows].astype(float), products, 1)
         return out
 
     def squares(self, steps: Steps) -> Array:
@@ -146,19 +147,19 @@ class RowsBySession:
         squares = np.empty((len(steps.shared), len(self.residual)))
         for rows in parts_of(len(self.on)):
             left = self.residual[rows] - np.einsum("ncp,sp->snc", self.shared[rows], steps.shared)
-            if self.own.shape[2]:
-                left = left - np.einsum("ncb,snb->snc", self.own[rows], steps.own[:, self.session[rows]])
+            if self.local.shape[2]:
+                left = left - np.einsum("ncb,snb->snc", self.local[rows], steps.local[:, self.session[rows]])
             squares[:, rows] = (left**2).sum(axis=2)
         return squares
 
     def left(self, steps: Steps) -> Array:
         """What the first steps leave of the residuals (N, C)."""
-        moved = self.shared @ steps.shared[0] + np.einsum("ncb,nb->nc", self.own, steps.own[0][self.session])
+        moved = self.shared @ steps.shared[0] + np.einsum("ncb,nb->nc", self.local, steps.local[0][self.session])
         return np.asarray(self.residual - moved)
 
     def leverage(self, steps: Steps) -> Array:
         """Covariance (N, C, C) of what the first steps predict, by rows."""
-        inverse, own = np.linalg.inv(steps.normal[0]), np.linalg.inv(steps.own_normal[0])
-        net = self.shared - self.own @ steps.ratio[0][self.session]  # (N, C, a), the own ones giving way
-        by_own = np.einsum("ncb,nbe,nde->ncd", self.own, own[self.session], self.own)
-        return np.asarray(np.einsum("ncp,pq,ndq->ncd", net, inverse, net) + by_own)
+        inverse, local = np.linalg.inv(steps.normal[0]), np.linalg.inv(steps.local_normal[0])
+        net = self.shared - self.local @ steps.ratio[0][self.session]  # (N, C, a), the local ones giving way
+        by_local = np.einsum("ncb,nbe,nde->ncd", self.local, local[self.session], self.local)
+        return np.asarray(np.einsum("ncp,pq,ndq->ncd", net, inverse, net) + by_local)

@@ -74,11 +74,11 @@ def drive_travels(model: Model, values: Array, readings: Array, rows: Rows) -> A
 def _by_session(model: Model, values: Array, sessions: Sequence[str]) -> tuple[Mapping[str, float], ...]:
     """Values (P,) as mappings, one for each of some sessions (one where there is none)."""
     every = dict(zip(model.names, np.asarray(values).tolist(), strict=True))
-    own: dict[str, dict[str, float]] = {session: {} for session in sessions}
+    local: dict[str, dict[str, float]] = {session: {} for session in sessions}
     for parameter in model.parameters:
-        if parameter.session in own:
-            own[parameter.session][parameter.shared_name] = every[parameter.name]
-    return tuple({**every, **of_session} for of_session in own.values()) or (every,)
+        if parameter.session in local:
+            local[parameter.session][parameter.shared_name] = every[parameter.name]
+    return tuple({**every, **of_session} for of_session in local.values()) or (every,)
 
 
 @dataclass(frozen=True)
@@ -110,8 +110,8 @@ class Chain:
         column_of = {name: k for k, name in enumerate(names)}
         columns = np.array([column_of[name] for name, _ in asked], dtype=np.intp)
         parameters = np.nonzero(acting[columns])[0]
-        own = np.array([[asked[k][1] in ("", s) for k in parameters] for s in sessions or ("",)], dtype=float)
-        jacobian = shared[:, used][..., columns[parameters]] * own[:, None]
+        acts = np.array([[asked[k][1] in ("", s) for k in parameters] for s in sessions or ("",)], dtype=float)
+        jacobian = shared[:, used][..., columns[parameters]] * acts[:, None]
         return cls(model, sessions, used, parameters, jacobian, len(asked))
 
     def apply(

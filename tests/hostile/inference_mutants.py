@@ -183,10 +183,15 @@ INFERENCE = (
     ),
     Mutant(
         "diagnosis/rows_by_session.py",
-        'right - np.einsum("skba,skb->sa", crossed, own)',
-        'right + np.einsum("skba,skb->sa", crossed, own)',
+        'right - np.einsum("skba,skb->sa", crossed, local)',
+        'right + np.einsum("skba,skb->sa", crossed, local)',
         _ROWS,
     ),
-    Mutant("diagnosis/rows_by_session.py", "self.shared - self.own @ steps", "self.shared + self.own @ steps", _ROWS),
+    Mutant(
+        "diagnosis/rows_by_session.py",
+        "self.shared - self.local @ steps",
+        "self.shared + self.local @ steps",
+        _ROWS,
+    ),
     Mutant("diagnosis/rows_by_session.py", "(acts.sum(axis=0) == 1) & (count > 1)", "acts.sum(axis=0) == 1", _ROWS),
 )
