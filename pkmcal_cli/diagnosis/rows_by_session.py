@@ -132,7 +132,7 @@ class RowsBySession:
         return normal, right
 
     def _local_sums(self, chosen: NDArray[np.bool_]) -> Array:
-        """Products of local parameters with local, shared ones and residuals, over chosen rows: (S, K, b, b + a + 1)."""
+        """Products of local parameters with all others and residuals, over chosen rows: (S, K, b, b + a + 1)."""
         sessions, b = self.local_offsets.shape
         out = np.zeros((len(chosen), sessions, b, b + len(self.offsets) + 1))
         for k in range(sessions if b else 0):
