@@ -137,7 +137,7 @@ def test_where_two_do_the_same_a_set_is_named(line: Line) -> None:
 
 OF_DRIVES = [
     ("triglide", Planted("zero_drift", "q2", {"o1": 60e-6, "o2": -20e-6})),
-    pytest.param("scissors", Planted("zero_drift", "q2", {"o1": 60e-6, "o2": -20e-6}), marks=pytest.mark.slow),
+    ("scissors", Planted("zero_drift", "q2", {"o1": 60e-6, "o2": -20e-6})),
     pytest.param("delta4", Planted("zero_drift", "q2", {"o1": 60e-6, "o2": 20e-6}), marks=pytest.mark.slow),
     pytest.param("triglide", Planted("zero", "q1[s2]", {"o": 60e-6}), marks=pytest.mark.slow),
     pytest.param("triglide-nonredundant", Planted("zero", "q2[s2]", {"o": -40e-6}), marks=pytest.mark.slow),

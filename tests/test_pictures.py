@@ -69,7 +69,6 @@ def test_each_effect_found_has_one_rival_that_is_another_effect() -> None:
         assert not (n.rival.startswith(f"{effect}@") and {at, n.rival.split("@")[1]} & {"all", "each"})
 
 
-@pytest.mark.slow
 def test_growth_along_a_travel_is_shown_as_a_slope() -> None:
     """A scale that grows by 20 um/(m K): displacements per kelvin over the travel are a line of just this slope."""
     found = warm_scale()

@@ -1,7 +1,8 @@
 """Least squares by chosen rows, many choices at once, where each session has parameters of its own.
 
-Such parameters have derivatives in the rows of their session alone, so they are eliminated session by session: for K
-sessions this costs K small systems and one of the parameters that sessions share, instead of one with them all.
+Such parameters have derivatives in the rows of their session alone, so they are eliminated session by session (Björck
+1996, section 6.3): for K sessions this costs K small systems and one of the parameters that sessions share, instead of
+one with them all.
 """
 
 from __future__ import annotations

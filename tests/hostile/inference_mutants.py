@@ -194,4 +194,16 @@ INFERENCE = (
         _ROWS,
     ),
     Mutant("diagnosis/rows_by_session.py", "(acts.sum(axis=0) == 1) & (count > 1)", "acts.sum(axis=0) == 1", _ROWS),
+    Mutant(
+        "diagnosis/search.py",
+        "if not places <= {p.at for p in h.placed}",
+        "if places.isdisjoint(p.at for p in h.placed)",
+        "tests/test_pictures.py::test_growth_along_a_travel_is_shown_as_a_slope",
+    ),
+    Mutant(
+        "diagnosis/nameless.py",
+        "if _is_left_by_named(search, removed, last):",
+        "if False:",
+        "tests/test_diagnosis_cases.py::test_a_zero_that_does_not_stay_is_found[scissors-q2]",
+    ),
 )
