@@ -12,8 +12,9 @@ import pytest
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.diagnosis import search as searching
 from pkmcal_cli.diagnosis.confirm import blocks
+from pkmcal_cli.diagnosis.exchanges import swapped
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.refine import set_of, swapped
+from pkmcal_cli.diagnosis.refine import set_of
 from pkmcal_cli.diagnosis.refits import recalibrated, refit
 from pkmcal_cli.diagnosis.refuted import refuted_causes
 from pkmcal_cli.diagnosis.scoring import Scored, Search, score_all

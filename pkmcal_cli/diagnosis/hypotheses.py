@@ -59,6 +59,12 @@ class Hypothesis:
         """It with all its numbers."""
         return replace(self, parts=())
 
+    def without(self, member: Hypothesis) -> Hypothesis:
+        """A group without one of its members."""
+        gone = set(member.parameters)
+        kept = self._of([n for n in self.parameters if n not in gone])
+        return replace(kept, members=tuple(m for m in kept.members if m.at != member.at))
+
     def beyond(self, part: Hypothesis) -> Hypothesis:
         """It with more numbers than a part of it has."""
         return replace(self, parts=tuple(p for p in self.parts if len(p) > len(part.parameters)))

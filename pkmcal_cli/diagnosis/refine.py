@@ -1,10 +1,9 @@
-"""After the search: is each accepted effect needed, is another better, and which could stand in its place?"""
+"""After the search: is each accepted effect confirmed, and which others could stand in its place?"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +14,11 @@ from pkmcal_cli.diagnosis.beyond_range import begun_beyond
 from pkmcal_cli.diagnosis.confirm import held_out_gain
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.refits import refit
-from pkmcal_cli.diagnosis.scoring import Scored, Search, score_all, score_without, scored, shape_gains
-from pkmcal_cli.diagnosis.search import BETTER, needed_only, ranked, set_evidence, stands_on_one_row
+from pkmcal_cli.diagnosis.scoring import Scored, Search, score_without, shape_gains
+from pkmcal_cli.diagnosis.search import ranked, stands_on_one_row
 from pkmcal_cli.diagnosis.warming import TOGETHER, fits_as_well, of_warming, warming
 
 RIVALS = 4
-_TRIALS = 3  # exchanges that are fitted in place of one or two effects
 CREDIBLE = 0.95
 
 
@@ -33,121 +31,17 @@ class Rival:
     cosine: float  # of the angle between the two, declared parameters and other effects projected out
 
 
-def swapped(search: Search) -> Search:
-    """The search with effects exchanged for others, one or two at a time, while that raises the evidence of all.
-
-    Each exchange is judged by the scale of the noise without what it removes, the end by that with all that was there:
-    small steps by the former must not add up to less.
-    """
-    variance = score_all(search, ()).scale.variance
-    end = _walked(search)
-    return end if set_evidence(end, variance) > set_evidence(search, variance) - BETTER else search
-
-
-def _walked(search: Search) -> Search:
-    """Where single exchanges end."""
-    tried: set[frozenset[Hypothesis]] = set()
-    for _ in range(2 * len(search.near)):
-        groups = [(h,) for h in search.near if h.members or h.begin]
-        groups.sort(key=lambda some: not some[0].begin)  # what is beyond its range comes last, and is doubted first
-        removed = (*groups, *combinations(search.near, 2))
-        better = next((s for some in removed if (s := _exchanged(search, some, tried))), None)
-        better = better or next((s for h in search.near if (s := _improved(search, h)) is not None), None)
-        if better is None:
-            return search
-        search = needed_only(better)
-    return search
-
-
-def _improved(search: Search, hypothesis: Hypothesis) -> Search | None:
-    """The search with this effect replaced, if that is better; None if not."""
-    without = score_without(search, [hypothesis], (hypothesis, *search.open_without([hypothesis])))
-    shape = shape_gains(search, without) + _preferences(without)
-    shaped = without.log_bayes + shape
-    order, unusual = ranked(shaped[1:])[:RIVALS] + 1, without.unusual
-    for k in (int(k) for k in order if shaped[k] > shaped[0] + BETTER and not unusual[k]):
-        after = _replaced(search, hypothesis, without, k)
-        if after is not None and _gain(search, after, without, k) + shape[k] - shape[0] > BETTER:
-            return _renamed(after, without, k)
-    return None
-
-
-def _gain(search: Search, after: Search, scores: Scored, k: int) -> float:
+def gain(search: Search, after: Search, scores: Scored, k: int) -> float:
     """Log evidence that rival k gains, fitted in place of the accepted effect (0)."""
     fall = 0.5 * (search.fit.chi2 - after.fit.chi2) / scores.scale.variance
     return fall + _price(scores, 0) - _price(scores, k)
 
 
-def _exchanged(search: Search, removed: tuple[Hypothesis, ...], tried: set[frozenset[Hypothesis]]) -> Search | None:
-    """The search with one or two effects replaced by one or two that explain most without, if that is better.
-
-    `all` accepted first, and then what is wrong about it, stands for two single places; so does a group, which goes
-    where two places do as well. `tried`: sets of effects that are not better; what is tried here is added.
-    """
-    margin = -BETTER if len(removed) == 1 else BETTER
-    without = score_without(search, removed, (*removed, *search.open_without(removed)))
-    least, kept = _evidence_of(search, without, removed) + margin, [h for h in search.accepted if h not in removed]
-    trials = list(_pairs(search, without))
-    order = ranked(np.array([evidence for evidence, _ in trials]))
-    for new in [trials[k][1] for k in order if trials[k][0] >= least][:_TRIALS]:
-        after = replace(search, accepted=(*kept, *new))
-        if set(new) == set(removed) or frozenset(after.accepted) in tried:
-            continue
-        tried.add(frozenset(after.accepted))
-        fit = refit(after, {})
-        after = after if fit is None else replace(after, fit=fit)
-        variance = without.scale.variance
-        if fit is not None and set_evidence(after, variance) >= set_evidence(search, variance) + margin:
-            for h in new:
-                after = _renamed(after, without, without.hypotheses.index(h))
-            return after
-    return None
-
-
-def _pairs(search: Search, without: Scored) -> Iterator[tuple[float, tuple[Hypothesis, ...]]]:
-    """Log evidence of single effects with most of it, each with the best second one beside it, and these effects."""
-    evidence = _eligible(without)
-    for k in (int(k) for k in ranked(evidence)[:RIVALS] if evidence[k] > -np.inf):
-        first = without.hypotheses[k]
-        yield float(evidence[k]) - search.price([first]), (first,)
-        beside = _beside(search, without, first)
-        more = _eligible(beside)
-        more[[h.akin(first) for h in beside.hypotheses]] = -np.inf  # a group has what its members have
-        best = int(ranked(more)[0])
-        if more[best] > 0 and beside.p_values[best] < search.critical:
-            both = (first, beside.hypotheses[best])
-            yield float(evidence[k] + more[best]) - search.price(both), both
-
-
-def _eligible(scores: Scored) -> Array:
-    """Log evidence (H,) of hypotheses, with what goes before; none far beyond its range takes another's place."""
-    return np.where(scores.unusual, -np.inf, scores.log_bayes + _preferences(scores))
-
-
-def _evidence_of(search: Search, without: Scored, removed: tuple[Hypothesis, ...]) -> float:
-    """Log evidence of accepted effects, counted as that of others: the first by itself, the other beside it."""
-    if len(removed) == 1:
-        return float(without.log_bayes[0]) + removed[0].preference - search.price(removed)
-    ways = []
-    for first, second in (removed, removed[::-1]):
-        beside, k = _beside(search, without, first), without.hypotheses.index(first)
-        j = beside.hypotheses.index(second)
-        ways.append(without.log_bayes[k] + first.preference + beside.log_bayes[j] + second.preference)
-    return float(max(ways)) - search.price(removed)
-
-
-def _beside(search: Search, without: Scored, first: Hypothesis) -> Scored:
-    """All other hypotheses scored where one is accepted."""
-    others = [h for h in without.hypotheses if h != first]
-    linear = without.linear
-    return scored(linear.projecting((*linear.projected, *first.parameters)), search.problem, others)
-
-
-def _preferences(scores: Scored) -> Array:
+def preferences(scores: Scored) -> Array:
     return np.array([h.preference for h in scores.hypotheses])
 
 
-def _renamed(search: Search, scores: Scored, k: int) -> Search:
+def renamed(search: Search, scores: Scored, k: int) -> Search:
     name = scores.hypotheses[k].name
     p = search.p_values | {name: float(scores.p_values[k])}
     return replace(search, p_values=p, evidence=search.evidence | {name: float(scores.log_bayes[k])})
@@ -188,13 +82,13 @@ def _confirmed_rival(search: Search, hypothesis: Hypothesis, dropped: Collection
         k = without.hypotheses.index(rival.hypothesis)
         if rival.hypothesis in dropped or not without.p_values[k] < search.critical:
             continue
-        replaced = _replaced(search, hypothesis, without, k)
-        if replaced is not None and not held_out_gain(replaced, rival.hypothesis).contradicts:
-            return _renamed(replaced, without, k)
+        after = replaced(search, hypothesis, without, k)
+        if after is not None and not held_out_gain(after, rival.hypothesis).contradicts:
+            return renamed(after, without, k)
     return None
 
 
-def _replaced(search: Search, hypothesis: Hypothesis, scores: Scored, k: int) -> Search | None:
+def replaced(search: Search, hypothesis: Hypothesis, scores: Scored, k: int) -> Search | None:
     """The search fitted with rival k in place of an accepted effect; None where it cannot be, or stands on one row."""
     if stands_on_one_row(scores, k):
         return None
@@ -210,7 +104,7 @@ def final_evidence(search: Search, hypothesis: Hypothesis, scores: Scored) -> Ar
 
     With what they gain by shapes of their own; where scores and fits disagree, fits decide.
     """
-    evidence = scores.log_bayes + shape_gains(search, scores) + _preferences(scores)
+    evidence = scores.log_bayes + shape_gains(search, scores) + preferences(scores)
     order = ranked(evidence)
     if order[0] != 0:
         better = [int(k) for k in order[:RIVALS] if k != 0]
@@ -279,7 +173,7 @@ def _needless_groups(hypotheses: Sequence[Hypothesis], evidence: Array) -> NDArr
 
 def _fitted_evidence(search: Search, hypothesis: Hypothesis, scores: Scored, evidence: Array, k: int) -> float:
     """Evidence of rival k from a fit with it, against that of the accepted effect (0); at most what its score says."""
-    after = _replaced(search, hypothesis, scores, k)
+    after = replaced(search, hypothesis, scores, k)
     if after is None:
         return min(float(evidence[k]), float(evidence[0]))
-    return min(float(evidence[k]), float(evidence[0]) + _gain(search, after, scores, k))
+    return min(float(evidence[k]), float(evidence[0]) + gain(search, after, scores, k))

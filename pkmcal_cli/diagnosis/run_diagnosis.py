@@ -15,6 +15,7 @@ from pkmcal_cli.calibration.residual import reasons
 from pkmcal_cli.calibration.robust import Loss, RobustFit, normal_figures
 from pkmcal_cli.diagnosis.alpha import Alpha
 from pkmcal_cli.diagnosis.bad_rows import restored, suspected_rows, with_rows, without_gross_rows
+from pkmcal_cli.diagnosis.exchanges import swapped
 from pkmcal_cli.diagnosis.far_causes import with_far_causes
 from pkmcal_cli.diagnosis.findings import Finding, findings_of, sizes_seen
 from pkmcal_cli.diagnosis.first_fit import calibrated
@@ -25,7 +26,7 @@ from pkmcal_cli.diagnosis.model_discrepancy import discrepancy_columns
 from pkmcal_cli.diagnosis.nameless import with_all_in_one, with_shape
 from pkmcal_cli.diagnosis.noise_growth import NoiseGrowth, noise_growth, weighted
 from pkmcal_cli.diagnosis.noise_tests import chance_of_noise
-from pkmcal_cli.diagnosis.refine import confirmed_only, rivals_of, swapped
+from pkmcal_cli.diagnosis.refine import confirmed_only, rivals_of
 from pkmcal_cli.diagnosis.refuted import refuted_causes
 from pkmcal_cli.diagnosis.robust_weights import ROUNDS, weighed
 from pkmcal_cli.diagnosis.scale import Scale
@@ -212,12 +213,18 @@ def _begun(candidates: Candidates, problem: Problem, selected: tuple[str, ...], 
 
 
 def _ended(begun: _Begun, options: SearchOptions) -> Search:
-    start = with_far_causes(with_all_in_one(begun.start, begun.first), options.observe)
-    search = run_search(start, options)
+    alone = with_all_in_one(begun.start, begun.first)
+    search = _searched(alone, options)
+    if alone.shapes and search.accepted:  # then it does not explain all by itself
+        search = _searched(begun.start, options)
     options.observe(Stage("exchanges"))
     search = restored(swapped(search))
     options.observe(Stage("held-out rows"))
     return _with_shapes(confirmed_only(search), options)
+
+
+def _searched(start: Search, options: SearchOptions) -> Search:
+    return run_search(with_far_causes(start, options.observe), options)
 
 
 def _with_shapes(search: Search, options: SearchOptions) -> Search:

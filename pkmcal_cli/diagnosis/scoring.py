@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
@@ -150,11 +152,12 @@ class Search:
         return replace(self.candidates, model=self.problem.model).begin()
 
     def price(self, hypotheses: Sequence[Hypothesis]) -> float:
-        """Log evidence that effects must have, as they are some of many; further ones of a kind, some of this kind."""
+        """Log evidence that effects must have, as they are some of many: of each kind the number of ways to choose as
+        many, and the share of this kind."""
         kinds = [h.effect for h in self.candidates.hypotheses]
-        known = [h.effect for h in hypotheses]
-        first = len(set(known)) * float(np.log(len(kinds)))
-        return first + sum(float(np.log(kinds.count(k))) for n, k in enumerate(known) if k in known[:n])
+        known = Counter(h.effect for h in hypotheses)
+        ways = [comb(max(kinds.count(k), n), n) / max(kinds.count(k), 1) for k, n in known.items()]
+        return float(len(known) * np.log(max(len(kinds), 1)) + np.log(ways).sum())
 
     @property
     def near(self) -> tuple[Hypothesis, ...]:

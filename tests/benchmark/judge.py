@@ -16,14 +16,15 @@ from tests.benchmark.cases import Case
 from tests.benchmark.draw import joint_sizes
 from tests.benchmark.followup import again
 from tests.benchmark.heldout import held_out
-from tests.benchmark.names import in_set, is_residue, names_of
+from tests.benchmark.names import covered, in_set, is_residue, names_of
 from tests.benchmark.setting import Setting, diagnosed
 
 RULES = """
 - **exact**: every planted effect is found at its place (or as the held parameter of which it is another name), with no
-  other finding, nothing unknown and no bad row. A further finding counts as a *shape residue*, not as an extra, if it
-  enters at the same place as a planted effect, in the same way (drive, guide, carriage, length), and needs the same
-  columns. The simulator's effects differ from the catalogue's shapes by 10 to 25 %.
+  other finding, nothing unknown and no bad row. A group of places with values of their own names all of them, if an
+  effect was planted at each; else it is another name. A further finding counts as a *shape residue*, not as an extra,
+  if it enters at the same place as a planted effect, in the same way (drive, guide, carriage, length), and needs the
+  same columns. The simulator's effects differ from the catalogue's shapes by 10 to 25 %.
 - **in set**: the planted effect is in the 95 % credible set of a finding.
 - **wrong element**: a finding is the planted keyword at another place, its credible set has one member, and the true
   effect is not found.
@@ -99,7 +100,7 @@ def judged(case: Case) -> Result:
         bad_rows=sorted(called),
         verdict=d.verdict,
         outcome=outcome,
-        in_set=bool(case.drawn) and all(in_set(x, d) for x in case.drawn),
+        in_set=bool(case.drawn) and all(in_set(x, d, truths_of(case)) for x in case.drawn),
         seconds=seconds,
         discrepancies=discrepancies,
         rows=rows | {"lost": len(called - bad)},
@@ -112,7 +113,7 @@ def judged(case: Case) -> Result:
 
 def _followed(case: Case, d: Diagnosis) -> dict[str, Any]:
     """What further points make of a set that holds the truth."""
-    if not (d.findings and d.findings[0].ambiguous and in_set(case.drawn[0], d)):
+    if not (d.findings and d.findings[0].ambiguous and in_set(case.drawn[0], d, truths_of(case))):
         return {}
     then = again(case, d)
     whole = outcome_of(case, then.diagnosis)[0] == "exact"
@@ -166,7 +167,7 @@ def _finding(f: Finding) -> dict[str, Any]:
 
 def outcome_of(case: Case, d: Diagnosis) -> tuple[str, int]:
     """The outcome in a word, and how many findings are shape model discrepancies."""
-    named = [f.hypothesis.name for f in d.findings]
+    named = named_by(case, d)
     hits = [x for x in case.drawn if names_of(x, d) & set(named)]
     hit_names = {n for x in hits for n in names_of(x, d)}
     discrepancies = [n for n in named if n not in hit_names and any(is_residue(n, x) for x in hits)]
@@ -181,12 +182,22 @@ def outcome_of(case: Case, d: Diagnosis) -> tuple[str, int]:
     return (_misnamed(case, d) if case.drawn else "named"), len(discrepancies)
 
 
+def truths_of(case: Case) -> set[str]:
+    """Names of the planted effects."""
+    return {x.name for x in case.drawn}
+
+
+def named_by(case: Case, d: Diagnosis) -> list[str]:
+    """What the findings name; a group with values of its own names its members, if all of them were planted."""
+    return [n for f in d.findings for n in sorted(covered(f.hypothesis, truths_of(case)))]
+
+
 def _misnamed(case: Case, d: Diagnosis) -> str:
     """What is wrong with names of which not all are right."""
-    missing = [x for x in case.drawn if not names_of(x, d) & {f.hypothesis.name for f in d.findings}]
+    truths = truths_of(case)
+    missing = [x for x in case.drawn if not names_of(x, d) & set(named_by(case, d))]
     lone = [f.hypothesis.name.partition("@") for f in d.findings if not f.ambiguous]
-    truths = {x.name for x in case.drawn}
-    if all(in_set(x, d) for x in missing):
+    if all(in_set(x, d, truths) for x in missing):
         return "set"
     if any(k == x.planted.keyword and f"{k}@{at}" not in truths for x in missing for k, _, at in lone):
         return "wrong element"
@@ -210,10 +221,8 @@ def errors_of(case: Case, d: Diagnosis) -> dict[str, float]:
     out = {}
     for drawn in case.drawn:
         for f in d.findings:
-            if f.hypothesis.name != drawn.name:
-                continue
             for name, value, std in zip(f.hypothesis.parameters, f.estimate, f.std, strict=True):
-                short = name.rpartition(".")[2]
-                if short in drawn.planted.values and np.isfinite(std) and std > 0:
+                effect, _, short = name.rpartition(".")
+                if effect == drawn.name and short in drawn.planted.values and np.isfinite(std) and std > 0:
                     out[name] = (value - drawn.planted.values[short]) / std
     return out

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
+from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
 from pkmcal_cli.effects import catalogue
 from tests.benchmark.draw import Drawn
@@ -14,9 +17,17 @@ def names_of(drawn: Drawn, d: Diagnosis) -> set[str]:
     return {drawn.name, d.same.get(drawn.name, drawn.name)}
 
 
-def in_set(drawn: Drawn, d: Diagnosis) -> bool:
-    """Whether a planted effect is in the credible set of a finding."""
-    return any(r.hypothesis.name in names_of(drawn, d) for f in d.findings for r in f.rivals)
+def in_set(drawn: Drawn, d: Diagnosis, truths: Collection[str]) -> bool:
+    """Whether a planted effect is in the credible set of a finding: by its name, or in a group of effects that all
+    were planted."""
+    names = {n for f in d.findings for r in f.rivals for n in covered(r.hypothesis, truths)}
+    return bool(names & names_of(drawn, d))
+
+
+def covered(hypothesis: Hypothesis, truths: Collection[str]) -> set[str]:
+    """What a hypothesis names: each member of a group whose members have values of their own, if all were planted."""
+    members = {m.name for m in hypothesis.members}
+    return members if members and members <= set(truths) else {hypothesis.name}
 
 
 def is_residue(name: str, drawn: Drawn) -> bool:

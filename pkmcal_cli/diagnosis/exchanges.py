@@ -1,0 +1,166 @@
+"""Exchanges at the end of a search: accepted effects replaced by others, one or two at a time, if that is better."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.diagnosis.hypotheses import Hypothesis
+from pkmcal_cli.diagnosis.linear import log_evidence
+from pkmcal_cli.diagnosis.refine import RIVALS, gain, preferences, renamed, replaced
+from pkmcal_cli.diagnosis.refits import refit
+from pkmcal_cli.diagnosis.scoring import Scored, Search, score_all, score_without, scored, shape_gains
+from pkmcal_cli.diagnosis.search import BETTER, needed_only, ranked, set_evidence
+
+_TRIALS = 3  # exchanges that are fitted in place of one or two effects
+_SECONDS = 2  # effects that are tried beside another one
+_DIGITS = 6  # of a log evidence; the rest is rounding
+_Way = tuple[float, tuple[Hypothesis, ...]]  # effects that could stand for others, with their log evidence
+
+
+def swapped(search: Search) -> Search:
+    """The search with effects exchanged for others, one or two at a time, while that raises the evidence of all.
+
+    Each exchange is judged by the scale of the noise without what it removes, the end by that with all that was there:
+    small steps by the former must not add up to less.
+    """
+    variance = score_all(search, ()).scale.variance
+    end = _walked(search)
+    return end if set_evidence(end, variance) > set_evidence(search, variance) - BETTER else search
+
+
+def _walked(search: Search) -> Search:
+    """Where single exchanges end."""
+    tried: set[frozenset[Hypothesis]] = set()
+    for _ in range(2 * len(search.near)):
+        single = sorted(((h,) for h in search.near), key=_doubt)
+        removed = (*single, *combinations(search.near, 2))
+        better = next((s for some in removed if (s := _exchanged(search, some, tried))), None)
+        better = better or next((s for h in search.near if (s := _improved(search, h)) is not None), None)
+        if better is None:
+            return search
+        search = needed_only(better)
+    return search
+
+
+def _doubt(some: tuple[Hypothesis]) -> tuple[bool, bool]:
+    """Order in which effects are doubted: what is beyond its range was accepted last; then groups."""
+    return not some[0].begin, not some[0].members
+
+
+def _improved(search: Search, hypothesis: Hypothesis) -> Search | None:
+    """The search with this effect replaced, if that is better; None if not."""
+    without = score_without(search, [hypothesis], (hypothesis, *search.open_without([hypothesis])))
+    shape = shape_gains(search, without) + preferences(without)
+    shaped = without.log_bayes + shape
+    order, unusual = ranked(shaped[1:])[:RIVALS] + 1, without.unusual
+    for k in (int(k) for k in order if shaped[k] > shaped[0] + BETTER and not unusual[k]):
+        after = replaced(search, hypothesis, without, k)
+        if after is not None and gain(search, after, without, k) + shape[k] - shape[0] > BETTER:
+            return renamed(after, without, k)
+    return None
+
+
+def _exchanged(search: Search, removed: tuple[Hypothesis, ...], tried: set[frozenset[Hypothesis]]) -> Search | None:
+    """The search with one or two effects replaced by one or two that explain most without, if that is better.
+
+    `all` accepted first, and then what is wrong about it, stands for two single places; so does a group, which goes
+    where two places, or those of its members that are needed, do as well. `tried`: sets of effects that are not better;
+    what is tried here is added.
+    """
+    margin = -BETTER if len(removed) == 1 and (removed[0].members or removed[0].begin) else BETTER
+    without = score_without(search, removed, (*removed, *search.open_without(removed)))
+    least, kept = _evidence_of(search, without, removed) + margin, [h for h in search.accepted if h not in removed]
+    ways = (*_some_members(search, without, removed), *_pairs(search, without, removed))
+    for new in _likely(ways, least):
+        after = replace(search, accepted=(*kept, *new))
+        if set(new) == set(removed) or frozenset(after.accepted) in tried:
+            continue
+        tried.add(frozenset(after.accepted))
+        fit = refit(after, {})
+        after = after if fit is None else replace(after, fit=fit)
+        variance = without.scale.variance
+        if fit is not None and set_evidence(after, variance) >= set_evidence(search, variance) + margin:
+            for h in new:
+                after = renamed(after, without, without.hypotheses.index(h))
+            return after
+    return None
+
+
+def _some_members(search: Search, without: Scored, removed: tuple[Hypothesis, ...]) -> Iterator[_Way]:
+    """Of a single group three or more of its members, one less each time: that which is needed least."""
+    if len(removed) > 1 or not removed[0].members:
+        return
+    group, linear = removed[0], without.linear
+    while len(group.members) > 3:
+        smaller = [group.without(m) for m in group.members]
+        scores = linear.scores_of(smaller)
+        best = max(range(len(smaller)), key=lambda k: round(scores[k].statistic, _DIGITS))
+        group, score = smaller[best], scores[best]
+        singles = tuple(h for m in group.members for h in without.hypotheses if h.name == m.name)
+        if len(singles) == len(group.members):
+            evidence = log_evidence(np.array(score.statistic / without.scale.variance), np.array(score.count))
+            yield float(evidence) - search.price(singles), singles
+
+
+def _likely(ways: Iterable[_Way], least: float) -> Iterator[tuple[Hypothesis, ...]]:
+    """Some of the effects that have enough log evidence, most first; of the same effects at other places one."""
+    kinds: set[tuple[str, ...]] = set()
+    for evidence, new in sorted(ways, key=lambda way: -round(way[0], _DIGITS)):
+        kind = tuple(sorted(h.effect for h in new))
+        if evidence >= least and kind not in kinds and len(kinds) < _TRIALS:
+            kinds.add(kind)
+            yield new
+
+
+def _pairs(search: Search, without: Scored, removed: tuple[Hypothesis, ...]) -> Iterator[_Way]:
+    """Single effects with most log evidence, each by itself and with the best second ones beside it."""
+    evidence = _eligible(without)
+    if len(removed) == 1:
+        evidence[[h.parameters == removed[0].parameters for h in without.hypotheses]] = -np.inf
+    for k in (int(k) for k in ranked(evidence)[:RIVALS] if evidence[k] > -np.inf):
+        first = without.hypotheses[k]
+        yield float(evidence[k]) - search.price([first]), (first,)
+        beside = _beside(search, without, first)
+        more = _eligible(beside)
+        more[[h.akin(first) for h in beside.hypotheses]] = -np.inf  # a group has what its members have
+        more[beside.p_values >= search.critical] = -np.inf
+        for second in _best_of_effects(beside.hypotheses, more):
+            both = (first, beside.hypotheses[second])
+            yield float(evidence[k] + more[second]) - search.price(both), both
+
+
+def _best_of_effects(hypotheses: Sequence[Hypothesis], evidence: Array) -> list[int]:
+    """The hypothesis with most log evidence (H,), if that is positive, and the best of any other effect."""
+    chosen: dict[str, int] = {}
+    for k in (int(k) for k in ranked(evidence) if evidence[k] > 0):
+        chosen.setdefault(hypotheses[k].effect, k)
+    return list(chosen.values())[:_SECONDS]
+
+
+def _eligible(scores: Scored) -> Array:
+    """Log evidence (H,) of hypotheses, with what goes before; none far beyond its range takes another's place."""
+    return np.where(scores.unusual, -np.inf, scores.log_bayes + preferences(scores))
+
+
+def _evidence_of(search: Search, without: Scored, removed: tuple[Hypothesis, ...]) -> float:
+    """Log evidence of accepted effects, counted as that of others: the first by itself, the other beside it."""
+    if len(removed) == 1:
+        return float(without.log_bayes[0]) + removed[0].preference - search.price(removed)
+    ways = []
+    for first, second in (removed, removed[::-1]):
+        beside, k = _beside(search, without, first), without.hypotheses.index(first)
+        j = beside.hypotheses.index(second)
+        ways.append(without.log_bayes[k] + first.preference + beside.log_bayes[j] + second.preference)
+    return float(max(ways)) - search.price(removed)
+
+
+def _beside(search: Search, without: Scored, first: Hypothesis) -> Scored:
+    """All other hypotheses scored where one is accepted."""
+    others = [h for h in without.hypotheses if h != first]
+    linear = without.linear
+    return scored(linear.projecting((*linear.projected, *first.parameters)), search.problem, others)
