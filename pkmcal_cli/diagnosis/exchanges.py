@@ -76,9 +76,9 @@ def _exchanged(search: Search, removed: tuple[Hypothesis, ...], tried: set[froze
     without = score_without(search, removed, (*removed, *search.open_without(removed)))
     least, kept = _evidence_of(search, without, removed) + margin, [h for h in search.accepted if h not in removed]
     ways = (*_some_members(search, without, removed), *_pairs(search, without, removed))
-    for new in _likely(ways, least):
+    for new in _likely([way for way in ways if not _says_the_same(way[1], removed)], least):
         after = replace(search, accepted=(*kept, *new))
-        if set(new) == set(removed) or frozenset(after.accepted) in tried:
+        if frozenset(after.accepted) in tried:
             continue
         tried.add(frozenset(after.accepted))
         fit = refit(after, {})
@@ -89,6 +89,14 @@ def _exchanged(search: Search, removed: tuple[Hypothesis, ...], tried: set[froze
                 after = renamed(after, without, without.hypotheses.index(h))
             return after
     return None
+
+
+def _says_the_same(new: tuple[Hypothesis, ...], removed: tuple[Hypothesis, ...]) -> bool:
+    """Whether effects are the removed ones, or single places of a removed group with no fewer numbers than it has."""
+    if len(removed) > 1 or not removed[0].members:
+        return set(new) == set(removed)
+    group, numbers = removed[0], sum(len(h.parameters) for h in new)
+    return numbers >= len(group.parameters) and all(h.effect == group.effect for h in new)
 
 
 def _some_members(search: Search, without: Scored, removed: tuple[Hypothesis, ...]) -> Iterator[_Way]:
