@@ -20,6 +20,7 @@ from pkmcal_cli.diagnosis.refuted import refuted_causes
 from pkmcal_cli.diagnosis.scoring import Scored, Search, score_all
 from pkmcal_cli.diagnosis.search import needed_only, run_search
 from pkmcal_cli.diagnosis.search_options import SearchOptions
+from tests.benchmark.cases import case as of_benchmark
 from tests.benchmark.setting import ALPHA, Ready, diagnosed, ready
 from tests.truth.campaigns import Scenario, campaign, unit
 
@@ -67,6 +68,52 @@ def test_two_that_stand_for_two_others_are_exchanged_together() -> None:
 def test_what_an_exchange_makes_needless_goes() -> None:
     case = planted(("backlash", "q3", 1.0))
     assert names(swapped(at(case, "backlash@q1", "pitch_curve@q2")).accepted) == {"backlash@q3"}
+
+
+def test_of_a_group_the_members_that_are_needed_stay() -> None:
+    """Three drives of four with play: the fourth's is nothing, so the group is no shorter way to say it."""
+    case = planted(("backlash", "q1", 1.0), ("backlash", "q2", 0.7), ("backlash", "q3", 0.5))
+    assert names(swapped(at(case, "backlash@each")).accepted) == {"backlash@q1", "backlash@q2", "backlash@q3"}
+
+
+def test_a_group_whose_members_are_all_needed_stays() -> None:
+    """Two drives that both have play, of a machine with two: one by one they say the same."""
+    effects = [unit("triglide-nonredundant", "backlash", q, SEED).scaled(f) for q, f in (("q1", 1.0), ("q2", 0.4))]
+    case = ready(campaign("triglide-nonredundant", effects, SEED))
+    assert names(swapped(at(case, "backlash@each")).accepted) == {"backlash@each"}
+
+
+@pytest.mark.parametrize("one", ["drift@grid", "resetup@s2"])
+def test_one_that_stands_for_two_is_exchanged_for_both(one: str) -> None:
+    case = planted(("drift", "grid", 1.0), ("resetup", "s2", 1.0))
+    assert names(swapped(at(case, one)).accepted) == {"drift@grid", "resetup@s2"}
+
+
+def test_two_kinds_of_effects_are_told_from_one_kind_at_several_places() -> None:
+    """Struts and one screw that grow: the screws, each with values of its own, explain it to the noise as well."""
+    case = of_benchmark("two", 5)
+    found = names(swapped(at(ready(case.measured()), "thermal_screw@each")).accepted)
+    assert found == {d.name for d in case.drawn} == {"thermal_strut@all", "thermal_screw@q2"}
+
+
+def test_effects_of_one_kind_are_priced_by_the_ways_to_choose_them() -> None:
+    """Of K hypotheses n are of the kind: its share n / K, and one of n!/(m! (n - m)!) choices of m."""
+    case = planted(("backlash", "q3", 1.0))
+    search, every = at(case), {h.name: h for h in case.candidates.hypotheses}
+    kinds = [h.effect for h in every.values()]
+    n, total = kinds.count("backlash"), len(kinds)
+    three = [every[f"backlash@q{k}"] for k in (1, 2, 3)]
+    assert search.price(three[:1]) == pytest.approx(np.log(total))
+    assert search.price(three) == pytest.approx(np.log(total / n * n * (n - 1) * (n - 2) / 6))
+    both = search.price([three[0], every["windup@q1"]])
+    assert both == pytest.approx(2 * np.log(total))
+
+
+def test_a_displacement_without_a_name_that_leaves_effects_does_not_stand_for_all() -> None:
+    """A guide that is not straight and a screw's pitch: one free shape at the guide explains nearly all of both."""
+    case = of_benchmark("two", 1)
+    d = diagnosed(case.measured(), case.seed)
+    assert names([f.hypothesis for f in d.findings]) == {x.name for x in case.drawn} and not d.unknown
 
 
 def test_what_cannot_be_decided_is_followed_both_ways(monkeypatch: pytest.MonkeyPatch) -> None:

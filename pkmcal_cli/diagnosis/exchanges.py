@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import combinations
 
@@ -17,7 +17,6 @@ from pkmcal_cli.diagnosis.scoring import Scored, Search, score_all, score_withou
 from pkmcal_cli.diagnosis.search import BETTER, needed_only, ranked, set_evidence
 
 _TRIALS = 3  # exchanges that are fitted in place of one or two effects
-_SECONDS = 2  # effects that are tried beside another one
 _DIGITS = 6  # of a log evidence; the rest is rounding
 _Way = tuple[float, tuple[Hypothesis, ...]]  # effects that could stand for others, with their log evidence
 
@@ -115,18 +114,14 @@ def _some_members(search: Search, without: Scored, removed: tuple[Hypothesis, ..
             yield float(evidence) - search.price(singles), singles
 
 
-def _likely(ways: Iterable[_Way], least: float) -> Iterator[tuple[Hypothesis, ...]]:
-    """Some of the effects that have enough log evidence, most first; of the same effects at other places one."""
-    kinds: set[tuple[str, ...]] = set()
-    for evidence, new in sorted(ways, key=lambda way: -round(way[0], _DIGITS)):
-        kind = tuple(sorted(h.effect for h in new))
-        if evidence >= least and kind not in kinds and len(kinds) < _TRIALS:
-            kinds.add(kind)
-            yield new
+def _likely(ways: Iterable[_Way], least: float) -> list[tuple[Hypothesis, ...]]:
+    """Those with most log evidence that have enough, most first."""
+    enough = sorted((way for way in ways if way[0] >= least), key=lambda way: -round(way[0], _DIGITS))
+    return [effects for _, effects in enough[:_TRIALS]]
 
 
 def _pairs(search: Search, without: Scored, removed: tuple[Hypothesis, ...]) -> Iterator[_Way]:
-    """Single effects with most log evidence, each by itself and with the best second ones beside it."""
+    """Single effects with most log evidence, each by itself and with the best second one beside it."""
     evidence = _eligible(without)
     if len(removed) == 1:
         evidence[[h.parameters == removed[0].parameters for h in without.hypotheses]] = -np.inf
@@ -137,17 +132,10 @@ def _pairs(search: Search, without: Scored, removed: tuple[Hypothesis, ...]) -> 
         more = _eligible(beside)
         more[[h.akin(first) for h in beside.hypotheses]] = -np.inf  # a group has what its members have
         more[beside.p_values >= search.critical] = -np.inf
-        for second in _best_of_effects(beside.hypotheses, more):
-            both = (first, beside.hypotheses[second])
-            yield float(evidence[k] + more[second]) - search.price(both), both
-
-
-def _best_of_effects(hypotheses: Sequence[Hypothesis], evidence: Array) -> list[int]:
-    """The hypothesis with most log evidence (H,), if that is positive, and the best of any other effect."""
-    chosen: dict[str, int] = {}
-    for k in (int(k) for k in ranked(evidence) if evidence[k] > 0):
-        chosen.setdefault(hypotheses[k].effect, k)
-    return list(chosen.values())[:_SECONDS]
+        best = int(ranked(more)[0])
+        if more[best] > 0:
+            both = (first, beside.hypotheses[best])
+            yield float(evidence[k] + more[best]) - search.price(both), both
 
 
 def _eligible(scores: Scored) -> Array:
