@@ -14,11 +14,12 @@ from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.diagnosis.alternatives import best_alternative, families
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.known_results import KnownResults
-from pkmcal_cli.diagnosis.linear import Linear, log_evidence
+from pkmcal_cli.diagnosis.linear import Linear
 from pkmcal_cli.diagnosis.model_discrepancy import own_discrepancies, own_discrepancy
 from pkmcal_cli.diagnosis.noise_growth import DISTANCE, noise_growth
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
 from pkmcal_cli.diagnosis.scale import Scale
+from pkmcal_cli.diagnosis.score import log_evidence
 from pkmcal_cli.diagnosis.scoring import Search, score_all
 from pkmcal_cli.diagnosis.stability import Stability, stability
 from pkmcal_cli.diagnosis.unit_columns import unit_columns

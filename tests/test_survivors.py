@@ -18,7 +18,8 @@ from pkmcal_cli.calibration.range_scales import Scales
 from pkmcal_cli.diagnosis import search as search_module
 from pkmcal_cli.diagnosis.alpha import Alpha
 from pkmcal_cli.diagnosis.confirm import HeldOutGain, _held_out
-from pkmcal_cli.diagnosis.linear import Linear, Memory, log_evidence
+from pkmcal_cli.diagnosis.linear import Linear, Memory
+from pkmcal_cli.diagnosis.score import log_evidence
 from pkmcal_cli.diagnosis.scoring import Search
 from pkmcal_cli.diagnosis.search import run_search
 from pkmcal_cli.diagnosis.search_options import SearchOptions

@@ -19,10 +19,10 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.confirm import blocks, value_folds
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.linear import Linear, log_evidence
+from pkmcal_cli.diagnosis.linear import Linear
 from pkmcal_cli.diagnosis.noise_tests import improbable
 from pkmcal_cli.diagnosis.scale import Scale
-from pkmcal_cli.diagnosis.score import Score, minimal_detectable, p_of_part
+from pkmcal_cli.diagnosis.score import Score, log_evidence, minimal_detectable, p_of_part
 from pkmcal_cli.diagnosis.selection_bias import Acceptance
 
 _DETECTED = 0.8

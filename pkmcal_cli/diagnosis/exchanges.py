@@ -10,10 +10,10 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.linear import log_evidence
 from pkmcal_cli.diagnosis.refine import RIVALS, gain, preferences, renamed, replaced
 from pkmcal_cli.diagnosis.refits import refit
-from pkmcal_cli.diagnosis.scoring import Scored, Search, score_all, score_without, scored, shape_gains
+from pkmcal_cli.diagnosis.score import log_evidence
+from pkmcal_cli.diagnosis.scoring import Scored, Search, score_all, score_without, scored_beside, shape_gains
 from pkmcal_cli.diagnosis.search import BETTER, needed_only, ranked, set_evidence
 
 _TRIALS = 3  # exchanges that are fitted in place of one or two effects
@@ -72,9 +72,10 @@ def _exchanged(search: Search, removed: tuple[Hypothesis, ...], tried: set[froze
     what is tried here is added.
     """
     margin = -BETTER if len(removed) == 1 and (removed[0].members or removed[0].begin) else BETTER
-    without = score_without(search, removed, (*removed, *search.open_without(removed)))
+    opened = search.open_without(removed)
+    without = score_without(search, removed, (*removed, *opened))
     least, kept = _evidence_of(search, without, removed) + margin, [h for h in search.accepted if h not in removed]
-    ways = (*_some_members(search, without, removed), *_pairs(search, without, removed))
+    ways = (*_some_members(search, without, removed), *_pairs(search, without, removed, opened))
     for new in _likely([way for way in ways if not _says_the_same(way[1], removed)], least):
         after = replace(search, accepted=(*kept, *new))
         if frozenset(after.accepted) in tried:
@@ -84,8 +85,9 @@ def _exchanged(search: Search, removed: tuple[Hypothesis, ...], tried: set[froze
         after = after if fit is None else replace(after, fit=fit)
         variance = without.scale.variance
         if fit is not None and set_evidence(after, variance) >= set_evidence(search, variance) + margin:
+            named = [h.name for h in without.hypotheses]
             for h in new:
-                after = renamed(after, without, without.hypotheses.index(h))
+                after = renamed(after, without, named.index(h.name))
             return after
     return None
 
@@ -120,7 +122,9 @@ def _likely(ways: Iterable[_Way], least: float) -> list[tuple[Hypothesis, ...]]:
     return [effects for _, effects in enough[:_TRIALS]]
 
 
-def _pairs(search: Search, without: Scored, removed: tuple[Hypothesis, ...]) -> Iterator[_Way]:
+def _pairs(
+    search: Search, without: Scored, removed: tuple[Hypothesis, ...], opened: tuple[Hypothesis, ...]
+) -> Iterator[_Way]:
     """Single effects with most log evidence, each by itself and with the best second one beside it."""
     evidence = _eligible(without)
     if len(removed) == 1:
@@ -128,7 +132,7 @@ def _pairs(search: Search, without: Scored, removed: tuple[Hypothesis, ...]) -> 
     for k in (int(k) for k in ranked(evidence)[:RIVALS] if evidence[k] > -np.inf):
         first = without.hypotheses[k]
         yield float(evidence[k]) - search.price([first]), (first,)
-        beside = _beside(search, without, first)
+        beside = scored_beside(without, first, [h for h in opened if h.name != first.name])
         more = _eligible(beside)
         more[[h.akin(first) for h in beside.hypotheses]] = -np.inf  # a group has what its members have
         more[beside.p_values >= search.critical] = -np.inf
@@ -149,14 +153,6 @@ def _evidence_of(search: Search, without: Scored, removed: tuple[Hypothesis, ...
         return float(without.log_bayes[0]) + removed[0].preference - search.price(removed)
     ways = []
     for first, second in (removed, removed[::-1]):
-        beside, k = _beside(search, without, first), without.hypotheses.index(first)
-        j = beside.hypotheses.index(second)
-        ways.append(without.log_bayes[k] + first.preference + beside.log_bayes[j] + second.preference)
+        beside, k = scored_beside(without, first, [second]), without.hypotheses.index(first)
+        ways.append(without.log_bayes[k] + first.preference + beside.log_bayes[0] + second.preference)
     return float(max(ways)) - search.price(removed)
-
-
-def _beside(search: Search, without: Scored, first: Hypothesis) -> Scored:
-    """All other hypotheses scored where one is accepted."""
-    others = [h for h in without.hypotheses if h != first]
-    linear = without.linear
-    return scored(linear.projecting((*linear.projected, *first.parameters)), search.problem, others)

@@ -22,19 +22,8 @@ from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate, linearise, lost_rows, predicted_part
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.score import KEPT, Score, score_in, scores_among
+from pkmcal_cli.diagnosis.score import KEPT, Score, projected_out, score_in, scores_among
 from pkmcal_cli.prediction import WarmStart
-
-
-def log_evidence(statistic: Array, count: Array) -> Array:
-    """Log evidence of hypotheses by statistic T and degrees of freedom k; minus infinity where k is 0.
-
-    The k sizes, in directions of unit information, share a normal prior of mean 0 whose variance g is the likeliest.
-    """
-    m = np.maximum(count, 1)
-    g = np.maximum(statistic / m - 1.0, 1.0)
-    out = 0.5 * (statistic * g / (1.0 + g) - m * np.log1p(g))
-    return np.asarray(np.where(count > 0, out, -np.inf))
 
 
 @dataclass(frozen=True)
@@ -263,6 +252,15 @@ class Linear:
         """Scores of hypotheses, whatever their free parameters are."""
         at = [[self._index[n] for n in h.parameters] for h in hypotheses]
         return scores_among(self._normal, at, [[n in h.free for n in h.parameters] for h in hypotheses])
+
+    def scores_beside(self, first: Hypothesis, hypotheses: Sequence[Hypothesis]) -> tuple[Score, ...]:
+        """The same, whatever the parameters of a first hypothesis are too."""
+        own = np.isin(self.names, first.parameters)
+        information, gradient = projected_out(*self._normal, own)
+        length2 = np.where(own, 0.0, self._normal[2])
+        at = [[self._index[n] for n in h.parameters] for h in hypotheses]
+        free = [[n in h.free for n in h.parameters] for h in hypotheses]
+        return scores_among((information, gradient, length2), at, free)
 
     def score(self, columns: Array) -> Score:
         """Score of a hypothesis with these columns (n, k)."""

@@ -14,9 +14,10 @@ from pkmcal_cli.calibration.holdout import replicate_groups
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.groups import POSE, TEMPERATURE, TIME, group_columns
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.linear import Linear, Memory, log_evidence
+from pkmcal_cli.diagnosis.linear import Linear, Memory
 from pkmcal_cli.diagnosis.outlying_rows import Tails
 from pkmcal_cli.diagnosis.scale import Scale
+from pkmcal_cli.diagnosis.score import log_evidence
 
 _SURELY = 1e-4  # chance of so little noise at which the stated sigma is too large
 _LEAST = 1e-8  # of the stated variance; what simulated tables without noise leave is less, and rounding

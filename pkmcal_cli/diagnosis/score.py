@@ -85,6 +85,17 @@ class Score:
         return minimal_detectable(float(self.alone[self.leading]))
 
 
+def log_evidence(statistic: Array, count: Array) -> Array:
+    """Log evidence of hypotheses by statistic T and degrees of freedom k; minus infinity where k is 0.
+
+    The k sizes, in directions of unit information, share a normal prior of mean 0 whose variance g is the likeliest.
+    """
+    m = np.maximum(count, 1)
+    g = np.maximum(statistic / m - 1.0, 1.0)
+    out = 0.5 * (statistic * g / (1.0 + g) - m * np.log1p(g))
+    return np.asarray(np.where(count > 0, out, -np.inf))
+
+
 def tail_of(size: float) -> float:
     """Log prior density of a size, in ranges, over that within its range."""
     return -float(np.log((1.0 + size**2) / 2.0)) if size > 1.0 else 0.0

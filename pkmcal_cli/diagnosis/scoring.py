@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from math import comb
@@ -20,12 +20,12 @@ from pkmcal_cli.diagnosis.beyond_range import unheld
 from pkmcal_cli.diagnosis.groups import group_columns
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
 from pkmcal_cli.diagnosis.known_results import KnownResults
-from pkmcal_cli.diagnosis.linear import Linear, linear_problem, log_evidence
+from pkmcal_cli.diagnosis.linear import Linear, linear_problem
 from pkmcal_cli.diagnosis.model_discrepancy import own_discrepancies, own_discrepancy
 from pkmcal_cli.diagnosis.noise_tests import independent, noise_scale
 from pkmcal_cli.diagnosis.outlying_rows import RowScores, row_scores
 from pkmcal_cli.diagnosis.scale import Scale
-from pkmcal_cli.diagnosis.score import UNUSUAL, Score
+from pkmcal_cli.diagnosis.score import UNUSUAL, Score, log_evidence
 from pkmcal_cli.model.effect_sites import PlacedEffect
 
 _NEAR_BEST = 30.0  # log evidence that a free shape can make up for
@@ -238,37 +238,44 @@ def scored(linear: Linear, problem: Problem, hypotheses: Sequence[Hypothesis]) -
     """Scores, p values and evidence of hypotheses; the best of its nested parts stands for each."""
     plain, linear = linear, independent(linear, problem, hypotheses)
     scale = noise_scale(linear, problem, group_columns(problem))
-    best, scores, evidence = _best_parts(linear, scale, hypotheses)
-    count = np.array([s.count for s in scores])
-    p = scale.p_value(np.array([s.statistic for s in scores]), np.maximum(count, 1))
-    p[count == 0] = 1.0
+    best, scores, p_values, evidence = _best_parts(linear.scores_of, scale, hypotheses)
     return Scored(
         linear=linear,
         scale=scale,
         hypotheses=best,
         scores=scores,
-        p_values=p,
+        p_values=p_values,
         log_bayes=evidence,
         plain=plain,
     )
 
 
+def scored_beside(near: Scored, first: Hypothesis, hypotheses: Sequence[Hypothesis]) -> Scored:
+    """Hypotheses scored where another one is accepted too, by the same noise."""
+    scores_of = partial(near.linear.scores_beside, first)
+    best, scores, p_values, evidence = _best_parts(scores_of, near.scale, hypotheses)
+    return replace(near, hypotheses=best, scores=scores, p_values=p_values, log_bayes=evidence)
+
+
 def _best_parts(
-    linear: Linear, scale: Scale, hypotheses: Sequence[Hypothesis]
-) -> tuple[tuple[Hypothesis, ...], tuple[Score, ...], Array]:
-    """The part of each hypothesis with most log evidence, its score, and this evidence (H,), one choice among parts."""
+    scores_of: Callable[[Sequence[Hypothesis]], tuple[Score, ...]], scale: Scale, hypotheses: Sequence[Hypothesis]
+) -> tuple[tuple[Hypothesis, ...], tuple[Score, ...], Array, Array]:
+    """The part of each hypothesis with most log evidence, its score, p value and this evidence (H,), one choice among
+    parts."""
     parts = [part for h in hypotheses for part in h.nested_parts]
-    scores = linear.scores_of(parts)
+    scores = scores_of(parts)
     count = np.array([s.count for s in scores], dtype=np.intp)
-    evidence = log_evidence(np.array([s.statistic for s in scores]) / scale.variance, count)
-    evidence = evidence + np.array([s.tail for s in scores])
+    statistic = np.array([s.statistic for s in scores])
+    evidence = log_evidence(statistic / scale.variance, count) + np.array([s.tail for s in scores])
     ends = np.cumsum([len(h.nested_parts) for h in hypotheses], dtype=np.intp)
     chosen, price = [], []
     for first, end in zip([0, *ends[:-1]], ends, strict=True) if len(ends) else ():
         seen = int(np.count_nonzero(count[first:end]))
         chosen.append(first + int(np.argmax(evidence[first:end])) if seen else int(end) - 1)
         price.append(float(np.log(max(seen, 1))))
-    return tuple(parts[k] for k in chosen), tuple(scores[k] for k in chosen), evidence[chosen] - price
+    p = scale.p_value(statistic[chosen], np.maximum(count[chosen], 1))
+    p[count[chosen] == 0] = 1.0
+    return tuple(parts[k] for k in chosen), tuple(scores[k] for k in chosen), p, evidence[chosen] - price
 
 
 def shape_gains(search: Search, scores: Scored) -> Array:

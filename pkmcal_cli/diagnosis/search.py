@@ -12,10 +12,10 @@ from pkmcal_cli.base.stages import Stage
 from pkmcal_cli.diagnosis.alikeness import cosines
 from pkmcal_cli.diagnosis.alpha import Alpha
 from pkmcal_cli.diagnosis.beyond_range import begun_beyond, improbability
-from pkmcal_cli.diagnosis.linear import log_evidence
 from pkmcal_cli.diagnosis.model_discrepancy import discrepancy_columns
 from pkmcal_cli.diagnosis.outlying_rows import MOST
 from pkmcal_cli.diagnosis.refits import recalibrated, refit
+from pkmcal_cli.diagnosis.score import log_evidence
 from pkmcal_cli.diagnosis.scoring import (
     Scored,
     Search,

@@ -12,8 +12,8 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.confirm import cells
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.linear import log_evidence
 from pkmcal_cli.diagnosis.noise_tests import time_order
+from pkmcal_cli.diagnosis.score import log_evidence
 from pkmcal_cli.diagnosis.scoring import Scored
 from pkmcal_cli.diagnosis.search import ranked
 from pkmcal_cli.effects import catalogue
