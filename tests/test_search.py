@@ -97,14 +97,14 @@ def test_two_kinds_of_effects_are_told_from_one_kind_at_several_places() -> None
 
 
 def test_effects_of_one_kind_are_priced_by_the_ways_to_choose_them() -> None:
-    """Of K hypotheses n are of the kind: its share n / K, and one of n!/(m! (n - m)!) choices of m."""
+    """One of K; several of a kind of which there are n also by n!/(m! (n - m)!) choices of m."""
     case = planted(("backlash", "q3", 1.0))
     search, every = at(case), {h.name: h for h in case.candidates.hypotheses}
     kinds = [h.effect for h in every.values()]
     n, total = kinds.count("backlash"), len(kinds)
     three = [every[f"backlash@q{k}"] for k in (1, 2, 3)]
     assert search.price(three[:1]) == pytest.approx(np.log(total))
-    assert search.price(three) == pytest.approx(np.log(total / n * n * (n - 1) * (n - 2) / 6))
+    assert search.price(three) == pytest.approx(np.log(total * n * (n - 1) * (n - 2) / 6))
     both = search.price([three[0], every["windup@q1"]])
     assert both == pytest.approx(2 * np.log(total))
 

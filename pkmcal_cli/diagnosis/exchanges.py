@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
@@ -17,8 +17,29 @@ from pkmcal_cli.diagnosis.scoring import Scored, Search, score_all, score_withou
 from pkmcal_cli.diagnosis.search import BETTER, needed_only, ranked, set_evidence
 
 _TRIALS = 3  # exchanges that are fitted in place of one or two effects
+_ASTRAY, _LOST = 1.5, 2  # times the chi-square before, at which a fit went astray; such fits of an effect that is lost
 _DIGITS = 6  # of a log evidence; the rest is rounding
 _Way = tuple[float, tuple[Hypothesis, ...]]  # effects that could stand for others, with their log evidence
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """Sets of effects that are not better, and in how many fits that went astray effects were, or 0 since one did not.
+
+    Where the equilibrium changes much, as with a rope that goes slack, no score tells what a fit does.
+    """
+
+    sets: set[frozenset[Hypothesis]] = field(default_factory=set)
+    astray: dict[str, int] = field(default_factory=dict)
+
+    def add(self, after: Search, new: Sequence[Hypothesis], astray: bool) -> None:
+        """Remembers a fit with new effects."""
+        self.sets.add(frozenset(after.accepted))
+        self.astray.update({h.name: self.astray.get(h.name, 0) + 1 if astray else 0 for h in new})
+
+    def is_lost(self, hypothesis: Hypothesis) -> bool:
+        """Whether fits with an effect go astray."""
+        return self.astray.get(hypothesis.name, 0) >= _LOST
 
 
 def swapped(search: Search) -> Search:
@@ -34,7 +55,7 @@ def swapped(search: Search) -> Search:
 
 def _walked(search: Search) -> Search:
     """Where single exchanges end."""
-    tried: set[frozenset[Hypothesis]] = set()
+    tried = _Tried()
     for _ in range(2 * len(search.near)):
         single = sorted(((h,) for h in search.near), key=_doubt)
         removed = (*single, *combinations(search.near, 2))
@@ -64,24 +85,23 @@ def _improved(search: Search, hypothesis: Hypothesis) -> Search | None:
     return None
 
 
-def _exchanged(search: Search, removed: tuple[Hypothesis, ...], tried: set[frozenset[Hypothesis]]) -> Search | None:
+def _exchanged(search: Search, removed: tuple[Hypothesis, ...], tried: _Tried) -> Search | None:
     """The search with one or two effects replaced by one or two that explain most without, if that is better.
 
     `all` accepted first, and then what is wrong about it, stands for two single places; so does a group, which goes
-    where two places, or those of its members that are needed, do as well. `tried`: sets of effects that are not better;
-    what is tried here is added.
+    where two places, or those of its members that are needed, do as well. What is tried here is added to `tried`.
     """
-    margin = -BETTER if len(removed) == 1 and (removed[0].members or removed[0].begin) else BETTER
     opened = search.open_without(removed)
     without = score_without(search, removed, (*removed, *opened))
-    least, kept = _evidence_of(search, without, removed) + margin, [h for h in search.accepted if h not in removed]
+    margin = _margin(search, without, removed)
+    least = _evidence_of(search, without, removed) + margin
     ways = (*_some_members(search, without, removed), *_pairs(search, without, removed, opened))
     for new in _likely([way for way in ways if not _says_the_same(way[1], removed)], least):
-        after = replace(search, accepted=(*kept, *new))
-        if frozenset(after.accepted) in tried:
+        after = search.accepting(new, removed)
+        if frozenset(after.accepted) in tried.sets or any(tried.is_lost(h) for h in new):
             continue
-        tried.add(frozenset(after.accepted))
         fit = refit(after, {})
+        tried.add(after, new, fit is None or fit.chi2 > _ASTRAY * search.fit.chi2)
         after = after if fit is None else replace(after, fit=fit)
         variance = without.scale.variance
         if fit is not None and set_evidence(after, variance) >= set_evidence(search, variance) + margin:
@@ -90,6 +110,18 @@ def _exchanged(search: Search, removed: tuple[Hypothesis, ...], tried: set[froze
                 after = renamed(after, without, named.index(h.name))
             return after
     return None
+
+
+def _margin(search: Search, without: Scored, removed: tuple[Hypothesis, ...]) -> float:
+    """Log evidence by which others must be better; below 0 where an effect is given up for others that are as good.
+
+    What two explain beyond one effect may be that effect's shape.
+    """
+    if len(removed) > 1:
+        return BETTER
+    if removed[0].members or removed[0].begin:
+        return -BETTER
+    return BETTER + float(shape_gains(search, without)[0])
 
 
 def _says_the_same(new: tuple[Hypothesis, ...], removed: tuple[Hypothesis, ...]) -> bool:
@@ -101,7 +133,8 @@ def _says_the_same(new: tuple[Hypothesis, ...], removed: tuple[Hypothesis, ...])
 
 
 def _some_members(search: Search, without: Scored, removed: tuple[Hypothesis, ...]) -> Iterator[_Way]:
-    """Of a single group three or more of its members, one less each time: that which is needed least."""
+    """Of a single group three or more of its members that are all significant: each time without that which explains
+    least."""
     if len(removed) > 1 or not removed[0].members:
         return
     group, linear = removed[0], without.linear
@@ -111,9 +144,15 @@ def _some_members(search: Search, without: Scored, removed: tuple[Hypothesis, ..
         best = max(range(len(smaller)), key=lambda k: round(scores[k].statistic, _DIGITS))
         group, score = smaller[best], scores[best]
         singles = tuple(h for m in group.members for h in without.hypotheses if h.name == m.name)
-        if len(singles) == len(group.members):
+        if len(singles) == len(group.members) and all(_is_needed(search, without, group, m) for m in group.members):
             evidence = log_evidence(np.array(score.statistic / without.scale.variance), np.array(score.count))
             yield float(evidence) - search.price(singles), singles
+
+
+def _is_needed(search: Search, without: Scored, group: Hypothesis, member: Hypothesis) -> bool:
+    """Whether a member of a group is significant beside the others."""
+    beside = scored_beside(without, group.without(member), [member])
+    return bool(beside.p_values[0] < search.critical)
 
 
 def _likely(ways: Iterable[_Way], least: float) -> list[tuple[Hypothesis, ...]]:

@@ -87,8 +87,9 @@ class Hypothesis:
 
     @property
     def preference(self) -> float:
-        """Log evidence by which it goes before others: a declared parameter, before effects that imitate it."""
-        return _DECLARED if self.effect == RELEASE else 0.0
+        """Log evidence by which it goes before others: a declared parameter, before effects that imitate it. A group
+        comes after them: several places at once are less likely than one."""
+        return _DECLARED if self.effect == RELEASE else -float(np.log(max(len(self.members), 1)))
 
     @property
     def placed(self) -> tuple[Hypothesis, ...]:

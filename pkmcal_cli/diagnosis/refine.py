@@ -94,7 +94,7 @@ def replaced(search: Search, hypothesis: Hypothesis, scores: Scored, k: int) -> 
         return None
     offsets = scores.scores[k].estimate * scores.linear.scale_of(scores.hypotheses[k].parameters)
     rival = begun_beyond(scores.hypotheses[k], scores.scores[k], offsets, search.null, search.problem)
-    after = replace(search, accepted=(*(h for h in search.accepted if h != hypothesis), rival))
+    after = search.accepting([rival], [hypothesis])
     fit = refit(after, {rival: offsets})
     return None if fit is None else replace(after, fit=fit)
 

@@ -152,12 +152,16 @@ class Search:
         return replace(self.candidates, model=self.problem.model).begin()
 
     def price(self, hypotheses: Sequence[Hypothesis]) -> float:
-        """Log evidence that effects must have, as they are some of many: of each kind the number of ways to choose as
-        many, and the share of this kind."""
+        """Log evidence that effects must have: they are some of many, several of a kind some of all choices of as many."""
         kinds = [h.effect for h in self.candidates.hypotheses]
         known = Counter(h.effect for h in hypotheses)
-        ways = [comb(max(kinds.count(k), n), n) / max(kinds.count(k), 1) for k, n in known.items()]
+        ways = [comb(max(kinds.count(k), n), n) if n > 1 else 1 for k, n in known.items()]
         return float(len(known) * np.log(max(len(kinds), 1)) + np.log(ways).sum())
+
+    def accepting(self, new: Sequence[Hypothesis], removed: Sequence[Hypothesis] = ()) -> Search:
+        """The search, not fitted anew, with further effects in place of some, and of parts of the new ones."""
+        rest = (h for h in self.accepted if h not in removed and not any(n.contains(h) for n in new))
+        return replace(self, accepted=(*rest, *new))
 
     @property
     def near(self) -> tuple[Hypothesis, ...]:

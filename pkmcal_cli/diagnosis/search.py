@@ -193,7 +193,7 @@ def _accepted(search: Search, scored: Scored, best: int) -> Search | None:
     hypothesis, score = scored.hypotheses[best], scored.scores[best]
     offsets = score.estimate * scored.linear.scale_of(hypothesis.parameters)
     hypothesis = begun_beyond(hypothesis, score, offsets, search.null, search.problem)
-    after = replace(search, accepted=(*(h for h in search.accepted if not hypothesis.contains(h)), hypothesis))
+    after = search.accepting([hypothesis])
     expected = max(search.fit.chi2 - score.statistic, float(search.fit.dof))
     fit = refit(after, {hypothesis: offsets}, expected)
     if fit is None or not search.fit.chi2 - fit.chi2 > 0.25 * score.statistic:
