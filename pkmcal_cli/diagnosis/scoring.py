@@ -152,7 +152,7 @@ class Search:
         return replace(self.candidates, model=self.problem.model).begin()
 
     def price(self, hypotheses: Sequence[Hypothesis]) -> float:
-        """Log evidence that effects must have: they are some of many, several of a kind some of all choices of as many."""
+        """Log evidence that effects must have: some of many are chosen, of several of a kind one of all choices."""
         kinds = [h.effect for h in self.candidates.hypotheses]
         known = Counter(h.effect for h in hypotheses)
         ways = [comb(max(kinds.count(k), n), n) if n > 1 else 1 for k, n in known.items()]
