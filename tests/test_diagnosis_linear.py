@@ -107,6 +107,20 @@ def test_scores_are_those_of_least_squares() -> None:
     assert score.mdb == pytest.approx(np.sqrt(NONCENTRALITY / score.information[0]))
 
 
+def test_scores_beside_another_hypothesis_are_those_of_fits_that_have_it() -> None:
+    rng = np.random.default_rng(5)
+    columns, residual = 30 * rng.normal(size=(40, 6)), rng.normal(size=40)
+    columns[:, 3] += columns[:, 5]
+    linear = synthetic(columns, 3, residual)
+    first = Hypothesis(effect="scale", at="q1", parameters=("p3", "p4"))
+    (score,) = linear.scores_beside(first, [Hypothesis(effect="backlash", at="q1", parameters=("p5",))])
+    whole, rest, *_ = np.linalg.lstsq(columns, residual, rcond=None)
+    without = np.linalg.lstsq(columns[:, :5], residual, rcond=None)[1]
+    assert score.statistic == pytest.approx(float(without[0] - rest[0]), rel=1e-6)
+    assert score.estimate[0] == pytest.approx(whole[5], rel=1e-6)
+    assert score.information[0] == pytest.approx(1 / np.linalg.inv(columns.T @ columns)[5, 5], rel=1e-6)
+
+
 def test_free_parameters_are_fitted_and_no_evidence() -> None:
     """T is the fall of chi-square by the others, in fits that all have the free one; it alone explains nothing."""
     rng = np.random.default_rng(2)

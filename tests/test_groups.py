@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.loading.load_machine import load_machine
 from pkmcal_cli.model.effect_sites import places, together
@@ -112,3 +114,19 @@ def test_improve_writes_the_members_of_a_group_one_by_one(tmp_path: Path) -> Non
     assert all(f"  backlash@q{k}:" in text for k in (1, 2, 3, 4)) and "each" not in text
     again = run("calibrate", better, table, "--holdout", "none", "--json")
     assert again.code == 0 and again.json["chi2_per_dof"] < 1.5
+
+
+def _play(at: str, members: tuple[str, ...] = ()) -> Hypothesis:
+    names = tuple(f"backlash@{m}.b" for m in members or (at,))
+    return Hypothesis(effect="backlash", at=at, parameters=names, members=tuple(_play(m) for m in members))
+
+
+def test_the_same_effect_spread_otherwise_over_places_is_recognised() -> None:
+    """What some rows call `all` or two of three drives, all rows may call `each`; one drive of three is not that."""
+    every, upper = _play("each", ("q1", "q2", "q3")), _play("each:upper", ("q1", "q2"))
+    one, two, common = _play("q1"), _play("q2"), _play("all")
+    other = replace(one, effect="windup")
+    assert every.spread([one, two]) and every.spread([common]) and every.spread([upper])
+    assert not every.spread([one]) and not every.spread([other]) and not every.spread([])
+    assert one.spread([every]) and one.spread([upper]) and common.spread([every])
+    assert not _play("q3").spread([upper]) and not one.spread([two]) and not one.spread([common])

@@ -89,6 +89,13 @@ def test_one_that_stands_for_two_is_exchanged_for_both(one: str) -> None:
     assert names(swapped(at(case, one)).accepted) == {"drift@grid", "resetup@s2"}
 
 
+def test_what_a_shape_has_beyond_its_formula_is_no_pair_of_others() -> None:
+    """A guide's simulated curve has a ripple that two screws of its carriages would explain as pitch."""
+    case = of_benchmark("two", 78)
+    d = diagnosed(case.measured(), case.seed)
+    assert names([f.hypothesis for f in d.findings]) == {x.name for x in case.drawn} and not d.unknown
+
+
 def test_two_kinds_of_effects_are_told_from_one_kind_at_several_places() -> None:
     """Struts and one screw that grow: the screws, each with values of its own, explain it to the noise as well."""
     case = of_benchmark("two", 5)

@@ -13,7 +13,7 @@ from pkmcal_cli.compiler.placed_effects import placed_effect, possible_effects
 from pkmcal_cli.effects import Column, Effect, catalogue
 from pkmcal_cli.effects.effect import EffectParameter
 from pkmcal_cli.loading.covariates import with_covariates
-from pkmcal_cli.model.effect_sites import EffectSite, PlacedEffect, parameters_at, place_and_session, together
+from pkmcal_cli.model.effect_sites import ALL, EffectSite, PlacedEffect, parameters_at, place_and_session, together
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.parts import ModelParameter
 from pkmcal_cli.prediction import Rows
@@ -110,6 +110,16 @@ class Hypothesis:
     def akin(self, other: Hypothesis) -> bool:
         """Whether both are the same effect, one of them at several places with values of its own."""
         return self.effect == other.effect and bool(self.members or other.members)
+
+    def spread(self, others: Sequence[Hypothesis]) -> bool:
+        """Whether others are the same effect, spread otherwise: a group for one of its places or for `all`; for a group
+        most of its places, or one value at several."""
+        same, places = [h for h in others if h.effect == self.effect], {h.at for h in self.placed}
+        acting = {p.at for h in same for p in h.placed}
+        if not self.members:
+            return any(h.members for h in same) and bool(places & (acting | {ALL}))
+        together = any(not h.members and h.at not in places for h in same)
+        return together or 2 * len(places & acting) > len(places)
 
     @property
     def session(self) -> str:

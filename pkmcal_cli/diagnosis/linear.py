@@ -255,9 +255,9 @@ class Linear:
 
     def scores_beside(self, first: Hypothesis, hypotheses: Sequence[Hypothesis]) -> tuple[Score, ...]:
         """The same, whatever the parameters of a first hypothesis are too."""
-        own = np.isin(self.names, first.parameters)
-        information, gradient = projected_out(*self._normal, own)
-        length2 = np.where(own, 0.0, self._normal[2])
+        of_first = np.isin(self.names, first.parameters)
+        information, gradient = projected_out(*self._normal, of_first)
+        length2 = np.where(of_first, 0.0, self._normal[2])
         at = [[self._index[n] for n in h.parameters] for h in hypotheses]
         free = [[n in h.free for n in h.parameters] for h in hypotheses]
         return scores_among((information, gradient, length2), at, free)

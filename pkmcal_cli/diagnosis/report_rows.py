@@ -71,10 +71,12 @@ class OuterFold:
     def chose(self, alike: Sequence[Hypothesis]) -> bool:
         """Whether these rows name the first of effects that all rows cannot separate, or one of the others.
 
-        A set of these rows that holds the first counts too.
+        A set of these rows that holds the first counts too, and the same effect spread otherwise over places.
         """
         named, *_ = alike
-        return any(names[0] in alike or named in names for names in self.sets)
+        if any(names[0] in alike or named in names for names in self.sets):
+            return True
+        return named.spread([names[0] for names in self.sets])
 
 
 def errors_of(folds: Sequence[OuterFold]) -> Errors:

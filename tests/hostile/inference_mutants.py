@@ -206,4 +206,46 @@ INFERENCE = (
         "if False:",
         "tests/test_diagnosis_cases.py::test_a_zero_that_does_not_stay_is_found[scissors-q2]",
     ),
+    Mutant(
+        "diagnosis/exchanges.py",
+        "return numbers >= len(group.parameters) and all(",
+        "return False and all(",
+        "tests/test_search.py::test_a_group_whose_members_are_all_needed_stays",
+    ),
+    Mutant(
+        "diagnosis/exchanges.py",
+        "while len(group.members) > 3:",
+        "while len(group.members) > 99:",
+        "tests/test_search.py::test_of_a_group_the_members_that_are_needed_stay",
+    ),
+    Mutant(
+        "diagnosis/exchanges.py",
+        "((h,) for h in search.near)",
+        "((h,) for h in search.near if h.members)",
+        "tests/test_search.py::test_one_that_stands_for_two_is_exchanged_for_both",
+    ),
+    Mutant(
+        "diagnosis/exchanges.py",
+        "return BETTER + float(shape_gains(search, without)[0])",
+        "return BETTER",
+        "tests/test_search.py::test_what_a_shape_has_beyond_its_formula_is_no_pair_of_others",
+    ),
+    Mutant(
+        "diagnosis/run_diagnosis.py",
+        "if alone.shapes and search.accepted:",
+        "if False:",
+        "tests/test_search.py::test_a_displacement_without_a_name_that_leaves_effects_does_not_stand_for_all",
+    ),
+    Mutant(
+        "diagnosis/linear.py",
+        "projected_out(*self._normal, of_first)",
+        "self._normal[:2]",
+        "tests/test_diagnosis_linear.py",
+    ),
+    Mutant(
+        "diagnosis/hypotheses.py",
+        "2 * len(places & acting) > len(places)",
+        "len(places & acting) > 0",
+        "tests/test_groups.py::test_the_same_effect_spread_otherwise_over_places_is_recognised",
+    ),
 )
