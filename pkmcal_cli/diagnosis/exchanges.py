@@ -94,9 +94,10 @@ def _exchanged(search: Search, removed: tuple[Hypothesis, ...], tried: _Tried) -
     opened = search.open_without(removed)
     without = score_without(search, removed, (*removed, *opened))
     margin = _margin(search, without, removed)
-    least = _evidence_of(search, without, removed) + margin
+    least = _evidence_of(without, removed) - search.price(search.accepted) + margin
     ways = (*_some_members(search, without, removed), *_pairs(search, without, removed, opened))
-    for new in _likely([way for way in ways if not _says_the_same(way[1], removed)], least):
+    priced = [(evidence - search.price(search.accepting(new, removed).accepted), new) for evidence, new in ways]
+    for new in _likely([way for way in priced if not _says_the_same(way[1], removed)], least):
         after = search.accepting(new, removed)
         if frozenset(after.accepted) in tried.sets or any(tried.is_lost(h) for h in new):
             continue
@@ -146,7 +147,7 @@ def _some_members(search: Search, without: Scored, removed: tuple[Hypothesis, ..
         singles = tuple(h for m in group.members for h in without.hypotheses if h.name == m.name)
         if len(singles) == len(group.members) and all(_is_needed(search, without, group, m) for m in group.members):
             evidence = log_evidence(np.array(score.statistic / without.scale.variance), np.array(score.count))
-            yield float(evidence) - search.price(singles), singles
+            yield float(evidence), singles
 
 
 def _is_needed(search: Search, without: Scored, group: Hypothesis, member: Hypothesis) -> bool:
@@ -170,15 +171,14 @@ def _pairs(
         evidence[[h.parameters == removed[0].parameters for h in without.hypotheses]] = -np.inf
     for k in (int(k) for k in ranked(evidence)[:RIVALS] if evidence[k] > -np.inf):
         first = without.hypotheses[k]
-        yield float(evidence[k]) - search.price([first]), (first,)
+        yield float(evidence[k]), (first,)
         beside = scored_beside(without, first, [h for h in opened if h.name != first.name])
         more = _eligible(beside)
         more[[h.akin(first) for h in beside.hypotheses]] = -np.inf  # a group has what its members have
         more[beside.p_values >= search.critical] = -np.inf
         best = int(ranked(more)[0])
         if more[best] > 0:
-            both = (first, beside.hypotheses[best])
-            yield float(evidence[k] + more[best]) - search.price(both), both
+            yield float(evidence[k] + more[best]), (first, beside.hypotheses[best])
 
 
 def _eligible(scores: Scored) -> Array:
@@ -186,12 +186,12 @@ def _eligible(scores: Scored) -> Array:
     return np.where(scores.unusual, -np.inf, scores.log_bayes + preferences(scores))
 
 
-def _evidence_of(search: Search, without: Scored, removed: tuple[Hypothesis, ...]) -> float:
+def _evidence_of(without: Scored, removed: tuple[Hypothesis, ...]) -> float:
     """Log evidence of accepted effects, counted as that of others: the first by itself, the other beside it."""
     if len(removed) == 1:
-        return float(without.log_bayes[0]) + removed[0].preference - search.price(removed)
+        return float(without.log_bayes[0]) + removed[0].preference
     ways = []
     for first, second in (removed, removed[::-1]):
         beside, k = scored_beside(without, first, [second]), without.hypotheses.index(first)
         ways.append(without.log_bayes[k] + first.preference + beside.log_bayes[0] + second.preference)
-    return float(max(ways)) - search.price(removed)
+    return float(max(ways))

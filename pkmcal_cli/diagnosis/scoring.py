@@ -155,7 +155,7 @@ class Search:
         """Log evidence that effects must have: some of many are chosen, of several of a kind one of all choices."""
         kinds = [h.effect for h in self.candidates.hypotheses]
         known = Counter(h.effect for h in hypotheses)
-        ways = [comb(max(kinds.count(k), n), n) if n > 1 else 1 for k, n in known.items()]
+        ways = [max(comb(kinds.count(k), n), n) if n > 1 else 1 for k, n in known.items()]
         return float(len(known) * np.log(max(len(kinds), 1)) + np.log(ways).sum())
 
     def accepting(self, new: Sequence[Hypothesis], removed: Sequence[Hypothesis] = ()) -> Search:
