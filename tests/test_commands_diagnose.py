@@ -56,24 +56,17 @@ def without(*starts: str) -> Callable[[int, dict[str, str]], dict[str, str]]:
 def test_hangprinter_radius_and_build_up(table: str) -> None:
     """The maker's own model has line that builds up on spools by its length: they shrink as it unwinds.
 
-    In the first session with two radii that are 1 % larger than stated. In the second every spool has a scale of its
-    own, of this size, C shrinks more than the others, and something is left.
+    Two radii are larger than stated, by 1 % in both sessions, though in the second scales of the drives would do too.
     """
     done = diagnosed(HANGPRINTER, table)
-    spools = {e["at"]: e["parameters"] for e in done.json["effects"] if e["effect"] == "buildup"}
-    expected = {"all": 1, "C": 1} if table == SECOND else {"each": 4}
-    assert {at: len(parameters) for at, parameters in spools.items()} == expected
-    assert all(p["value"] < 0 for parameters in spools.values() for p in parameters)
+    (spools,) = (e["parameters"] for e in done.json["effects"] if e["effect"] == "buildup")
+    assert len(spools) == 4 and all(p["value"] < 0 for p in spools)
     assert done.json["chi2_per_dof_before"] > 8 * done.json["chi2_per_dof_after"]
-    if table == SECOND:
-        assert done.json["verdict"] == "unknown" and all(e["provisional"] for e in done.json["effects"])
-        (scales,) = (e for e in done.json["effects"] if e["effect"] == "scale")
-        assert all(0.005 < p["value"] * 1e-6 < 0.02 for p in scales["parameters"])
-    else:
-        assert names(done) == {"release R_low", "release R_high", "buildup each"}
-        for name in ("R_low", "R_high"):
-            radius, std, unit = value(done, name)
-            assert unit == "mm" and 75.4 < radius < 76.4 and 0.01 < std < 0.2
+    assert names(done) == {"release R_low", "release R_high", "buildup each"}
+    assert done.json["verdict"] == ("ambiguous" if table == SECOND else "found")
+    for name in ("R_low", "R_high"):
+        radius, std, unit = value(done, name)
+        assert unit == "mm" and 75.4 < radius < 76.4 and 0.01 < std < 0.2
 
 
 @pytest.mark.slow
