@@ -155,6 +155,7 @@ REFUSED = {
     "thousands, German": ("x;y\n1.234,5;2\n", "without thousands separators: `1234,5`"),
     "letters for digits": ("x,y\n1,O.5l\n", "write digits, not letters: `0.51`"),
     "thousands, blanks": ("x;y\n1 234,5;2\n", "without thousands separators: `1234,5`"),
+    "thousands and the other mark": ("x;y\n1.5;2\n1 234,5;2\n", "without thousands separators: `1234.5`"),
     "thousands, quoted": ('x,y\n"1,234.5",2\n', "without thousands separators: `1234.5`"),
     "thousands, unquoted": ("x,y\n1.5,2.5\n1,234,2.5\n", "check for decimal commas and thousands separators"),
     "decimal and separating comma": (

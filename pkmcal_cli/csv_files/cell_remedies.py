@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterator
 from datetime import datetime
@@ -31,9 +32,9 @@ _SPREAD = re.compile(r"\s*(?:±|\+/?-|\()\s*")
 _TIME_HINT = "write times as `2021-12-16T10:30`, or as seconds, and all rows of the column alike"
 
 
-def remedy(cell: str, decimal: str, column: str) -> str:
-    """What to do about a cell that is no number with this decimal mark."""
-    return next(_remedies(cell, decimal, column))
+def remedy(cell: str, decimal: str, column: str, seen: bool = True) -> str:
+    """What to do about a cell that is no number with this decimal mark; `seen`: whether any of the file has it."""
+    return next(itertools.chain(_thousands(cell, decimal, seen), _remedies(cell, decimal, column)))
 
 
 def _remedies(cell: str, decimal: str, column: str) -> Iterator[str]:
@@ -50,12 +51,19 @@ def _remedies(cell: str, decimal: str, column: str) -> Iterator[str]:
     yield f"write one number, such as `12{decimal}5`, or {LEAVE_EMPTY}"
 
 
-def _marks(cell: str, decimal: str, column: str) -> Iterator[str]:
-    """Decimal marks, thousands separators, signs."""
+def _thousands(cell: str, decimal: str, seen: bool) -> Iterator[str]:
+    """The number without its thousands separators; its decimal mark is that of the file, as far as this has one."""
     other = "," if decimal == "." else "."
     thousands = _THOUSANDS.fullmatch(cell)
     if thousands and not is_number(cell, other):
-        yield f"write numbers without thousands separators: `{cell.replace(thousands[1], '')}`"
+        plain = cell.replace(thousands[1], "")
+        plain = plain.replace(other, decimal) if seen and is_number(plain, other) else plain
+        yield f"write numbers without thousands separators: `{plain}`"
+
+
+def _marks(cell: str, decimal: str, column: str) -> Iterator[str]:
+    """Decimal marks, signs."""
+    other = "," if decimal == "." else "."
     if is_number(cell, other):
         yield f"write all numbers with the same decimal mark; this file has a {DECIMAL_NAMES[decimal]}"
     if cell[:1] in _MINUS and is_number(cell[1:], decimal):

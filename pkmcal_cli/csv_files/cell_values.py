@@ -179,7 +179,7 @@ class Parser:
                 except (ValueError, OverflowError):
                     line_column = int(sources.numbers[row]), index
                     flaw = time_flaw(cell, zone, self.names[index], line_column) if is_time else None
-                    sources.add(flaw or number_flaw(cell, decimal, self.names[index], line_column))
+                    sources.add(flaw or number_flaw(cell, self.format, self.names[index], line_column))
         return out
 
     def _check_empty(self, cells: Sequence[str], index: int, sources: _Sources) -> None:

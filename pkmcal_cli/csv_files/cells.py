@@ -67,18 +67,18 @@ def _instant(cell: str) -> datetime | None:
         return None
 
 
-def number_flaw(cell: str, decimal: str, column: str, line_column: tuple[int, int]) -> Flaw:
+def number_flaw(cell: str, form: Format, column: str, line_column: tuple[int, int]) -> Flaw:
     """The flaw of a cell that should be a number; `place` is its line and its index in the row."""
-    if _INFINITE.fullmatch(cell) or is_number(cell, decimal):
+    if _INFINITE.fullmatch(cell) or is_number(cell, form.decimal):
         message = f"`{_short(cell)}` in column `{column}` is not finite"
         return Flaw("csv-number", message, LEAVE_EMPTY, *line_column)
     if column == "time":
-        return _seconds_flaw(cell, decimal, line_column)
+        return _seconds_flaw(cell, form, line_column)
     message = f"`{_short(cell)}` in column `{column}` is not a number"
-    return Flaw("csv-number", message, remedy(cell, decimal, column), *line_column)
+    return Flaw("csv-number", message, remedy(cell, form.decimal, column, form.decimal_seen), *line_column)
 
 
-def _seconds_flaw(cell: str, decimal: str, line_column: tuple[int, int]) -> Flaw:
+def _seconds_flaw(cell: str, form: Format, line_column: tuple[int, int]) -> Flaw:
     """The flaw of a time that is no number in a column whose first time is one."""
     if is_time(cell):
         message = f"`{_short(cell)}` in column `time` is a date, the first row has a number"
@@ -86,7 +86,7 @@ def _seconds_flaw(cell: str, decimal: str, line_column: tuple[int, int]) -> Flaw
         message = f"`{_short(cell)}` in column `time`: there is no such date or time"
     else:
         message = f"`{_short(cell)}` in column `time` is neither a number of seconds nor a time in ISO 8601"
-    return Flaw("csv-time", message, remedy(cell, decimal, "time"), *line_column)
+    return Flaw("csv-time", message, remedy(cell, form.decimal, "time", form.decimal_seen), *line_column)
 
 
 def time_flaw(cell: str, zone: bool, column: str, line_column: tuple[int, int]) -> Flaw:
