@@ -122,7 +122,7 @@ def _margin(search: Search, without: Scored, removed: tuple[Hypothesis, ...]) ->
         return BETTER
     if removed[0].members or removed[0].begin:
         return -BETTER
-    return BETTER + float(shape_gains(search, without)[0])
+    return BETTER + float(shape_gains(search, without, slice(1))[0])
 
 
 def _says_the_same(new: tuple[Hypothesis, ...], removed: tuple[Hypothesis, ...]) -> bool:

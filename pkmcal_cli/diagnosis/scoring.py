@@ -282,14 +282,14 @@ def _best_parts(
     return tuple(parts[k] for k in chosen), tuple(scores[k] for k in chosen), p, evidence[chosen] - price
 
 
-def shape_gains(search: Search, scores: Scored) -> Array:
-    """Evidence (H,) gained where the shape of an effect may deviate from its formula; of those near the best.
+def shape_gains(search: Search, scores: Scored, among: slice = slice(None)) -> Array:
+    """Evidence (H,) gained where the shape of an effect may deviate from its formula; of some, those near the best.
 
     Groups gain none: with free shapes at every place they would explain nearly anything.
     """
     out, evidence = np.zeros(len(scores.hypotheses)), scores.log_bayes
-    near = [int(k) for k in np.nonzero(evidence > evidence.max(initial=0.0) - _NEAR_BEST)[0] if scores.scores[k].count]
-    near = [k for k in near if not scores.hypotheses[k].members]
+    close = np.arange(len(out))[among][evidence[among] > evidence.max(initial=0.0) - _NEAR_BEST]
+    near = [int(k) for k in close if scores.scores[k].count and not scores.hypotheses[k].members]
     discrepancies = own_discrepancies(search.problem, search.fit, [scores.hypotheses[k] for k in near], search.known)
     for k in near:
         hypothesis, score = scores.hypotheses[k], scores.scores[k]

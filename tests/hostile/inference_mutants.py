@@ -226,7 +226,7 @@ INFERENCE = (
     ),
     Mutant(
         "diagnosis/exchanges.py",
-        "return BETTER + float(shape_gains(search, without)[0])",
+        "return BETTER + float(shape_gains(search, without, slice(1))[0])",
         "return BETTER",
         "tests/test_search.py::test_what_a_shape_has_beyond_its_formula_is_no_pair_of_others",
     ),
