@@ -26,6 +26,7 @@ from pkmcal_cli.prediction.unknown_shapes import between_knots, outside_knots
 from pkmcal_cli.units.file_units import FileUnits
 from tests.benchmark.setting import FOLDER, diagnosed
 from tests.drawn import collisions
+from tests.nameless_campaigns import planted_case
 from tests.truth.campaigns import Campaign, Planted, Scenario, campaign
 
 KNOTS = (0.0, 0.1, 0.25, 0.3)
@@ -191,6 +192,14 @@ def test_the_place_of_an_odd_shape_is_found(law: str, at: str) -> None:
     d = diagnosis(law, at)
     assert d.verdict == "unknown" and d.shapes[0].hypothesis.at == at
     assert not [f for f in d.findings if not f.provisional]
+
+
+def test_a_named_effect_that_explains_much_of_a_shape_does_not_take_its_rest() -> None:
+    """A step of a drive is two thirds a slope, which a turn of its carriage explains; the rest is no odd turn."""
+    machine, seed, planted, _ = planted_case(4)
+    d = diagnosed(campaign(machine, [planted], seed), seed)
+    assert (machine, planted.keyword, planted.at) == ("triglide", "odd_step", "q1")
+    assert d.verdict == "unknown" and [s.hypothesis.at for s in d.shapes] == ["q1"]
 
 
 def test_it_leaves_nothing_but_noise() -> None:

@@ -33,6 +33,7 @@ from pkmcal_cli.model.effect_sites import PlacedEffect
 _BETTER = 7.0  # log evidence by which a shape must be better than what it replaces
 _SURE, _LEFT = 1e-6, 1e-3  # chance of the residual, of noise alone, before and after a shape that explains the table
 _OWN_SHARE = 0.82  # share of what a shape explains that a named effect at its site does, whose own shape it is then
+_LEFT_SHARE = 0.09  # share of what named effects explain that they may leave: shapes deviate by up to 30 %
 _CREDIBLE = 0.95
 
 
@@ -51,7 +52,7 @@ def with_shape(search: Search, last: Scored) -> Search | None:
     gain, removed, shapes = max(ways, key=lambda way: way[0], default=(0.0, (), []))
     if gain <= _BETTER:
         return None
-    if _is_left_by_named(search, removed, last):
+    if _is_left_by_named(search, removed, shapes[0], last):
         return None
     linear = linear_without(search, removed, _alike(search, shapes[0])).prewhitened(last.linear.memory)
     return None if _is_named(search, shapes[0], linear) else _accepted(search, gain, removed, shapes)
@@ -113,11 +114,17 @@ def _is_named(search: Search, shape: FittedShape, linear: Linear) -> bool:
     return max(explained, default=0.0) > _OWN_SHARE * shape.statistic
 
 
-def _is_left_by_named(search: Search, removed: Sequence[Hypothesis], last: Scored) -> bool:
-    """Whether nothing is left for a shape where the effects that stay have free shapes, each at its own site."""
+def _is_left_by_named(search: Search, removed: Sequence[Hypothesis], shape: FittedShape, last: Scored) -> bool:
+    """Whether a shape is what the effects that stay leave of themselves: small beside them, and nothing where they have
+    free shapes, each at its own site.
+    """
     stay = [h for h in search.near if h not in removed]
     extra = discrepancy_columns(search.problem, search.fit, stay, search.known)
     if not extra.shape[1]:
+        return False
+    linear = linear_without(search, stay, stay).prewhitened(last.linear.memory)
+    named, _ = linear.explained(linear.of([n for h in stay for n in h.parameters]))
+    if shape.statistic > _LEFT_SHARE * named:
         return False
     linear = linear_without(search, removed, removed)
     free = linear.projecting(linear.projected, extra=linear.whitened(extra)).prewhitened(last.linear.memory)

@@ -202,7 +202,7 @@ INFERENCE = (
     ),
     Mutant(
         "diagnosis/nameless.py",
-        "if _is_left_by_named(search, removed, last):",
+        "if _is_left_by_named(search, removed, shapes[0], last):",
         "if False:",
         "tests/test_diagnosis_cases.py::test_a_zero_that_does_not_stay_is_found[scissors-q2]",
     ),
@@ -247,5 +247,11 @@ INFERENCE = (
         "2 * len(places & acting) > len(places)",
         "len(places & acting) > 0",
         "tests/test_groups.py::test_the_same_effect_spread_otherwise_over_places_is_recognised",
+    ),
+    Mutant(
+        "diagnosis/nameless.py",
+        "if shape.statistic > _LEFT_SHARE * named:",
+        "if False:",
+        "tests/test_unexplained.py::test_a_named_effect_that_explains_much_of_a_shape_does_not_take_its_rest",
     ),
 )
