@@ -24,7 +24,7 @@ from pkmcal_cli.diagnosis.model_discrepancy import discrepancy_columns
 from pkmcal_cli.diagnosis.noise_tests import chance_of_noise
 from pkmcal_cli.diagnosis.refits import recalibrated
 from pkmcal_cli.diagnosis.scale import Scale
-from pkmcal_cli.diagnosis.scoring import NamelessShape, Scored, Search, linear_without, nulled, score_all
+from pkmcal_cli.diagnosis.scoring import NamelessShape, Scored, Search, linear_without, nulled, score_all, score_without
 from pkmcal_cli.diagnosis.unmodelled import evidence_of_effects
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.effects.unexplained import place_and_axis
@@ -37,12 +37,15 @@ _LEFT_SHARE = 0.09  # share of what named effects explain that they may leave: s
 _CREDIBLE = 0.95
 
 
+_Way = tuple[float, tuple[Hypothesis, ...], list[FittedShape]]  # gain, what is given up, shapes, best first
+
+
 def with_shape(search: Search, last: Scored) -> Search | None:
     """The search with one displacement without a name, and without effects that it explains; None where none is needed.
 
     `last`: scored at the end of the search.
     """
-    ways = []
+    ways: list[_Way] = []
     for removed in _removals(search):
         linear, scale = linear_without(search, removed, removed).prewhitened(last.linear.memory), last.scale
         shapes = _fitted_shapes(search, removed, linear, scale)
@@ -50,12 +53,29 @@ def with_shape(search: Search, last: Scored) -> Search | None:
             gain = shapes[0].evidence - evidence_of_effects(search, removed, linear, scale)
             ways.append((gain, removed, shapes))
     gain, removed, shapes = max(ways, key=lambda way: way[0], default=(0.0, (), []))
-    if gain <= _BETTER:
-        return None
-    if _is_left_by_named(search, removed, shapes[0], last):
+    if gain <= _BETTER or _is_left_by_named(search, removed, shapes[0], last):
         return None
     linear = linear_without(search, removed, _alike(search, shapes[0])).prewhitened(last.linear.memory)
-    return None if _is_named(search, shapes[0], linear) else _accepted(search, gain, removed, shapes)
+    if _is_named(search, shapes[0], linear):
+        return None
+    after = _accepted(search, gain, removed, shapes)
+    alone = next((way for way in ways if after is not None and _leaves_needless(after, search, way, shapes[0])), None)
+    return after if alone is None else _accepted(search, *alone) or after
+
+
+def _leaves_needless(after: Search, before: Search, way: _Way, shape: FittedShape) -> bool:
+    """Whether a way has the same place, and gives up just what a shape that was accepted has made needless."""
+    _, removed, shapes = way
+    needless = [h for h in after.near if not _is_needed(after, h)]
+    gone = {h for h in before.near if h not in after.near or h in needless}
+    return bool(needless) and set(removed) == gone and shapes[0].placed.at == shape.placed.at
+
+
+def _is_needed(search: Search, hypothesis: Hypothesis) -> bool:
+    """Whether an accepted effect has the log evidence that it costs."""
+    kept = [h for h in search.accepted if h != hypothesis]
+    without = score_without(search, [hypothesis], [hypothesis])
+    return float(without.log_bayes[0]) > search.price(search.accepted) - search.price(kept)
 
 
 def with_all_in_one(search: Search, first: Scored) -> Search:

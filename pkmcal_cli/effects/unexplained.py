@@ -3,7 +3,8 @@
 The shape is a Gaussian process with Matern's covariance of smoothness 3/2 (Rasmussen and Williams 2006, eq. 4.17): a
 spread, a width, and values at knots between which it is the conditional mean. Its parameters are weights w of shapes
 that are independent and of unit variance before anything is measured: the values at the knots are F w with F F^T the
-covariance there. Beyond the knots the shape falls back to 0 and its uncertainty grows to the spread.
+covariance there. To this come a level and a slope of its own, since data rarely tell these from parameters. Beyond the
+knots the shape falls back to this line and its uncertainty grows.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ ENTRIES: tuple[Entry, ...] = ("command", "guide")
 OVER_TIME = ":time"
 """After the name of a drive: the shape is one over time."""
 _JITTER = 1e-8  # of the variance at the knots, against rounding
-_LEVEL = 0.5  # variance of the level of a shape, in squares of its spread: data rarely tell it from parameters
+_LINE = 3.0  # variance of a shape's level, and of its rise to either end, in squares of its spread
 Axis = Literal["travel", "time"]
 
 
@@ -90,8 +91,8 @@ class FreeShape:
         """Variance (N,) at x (N,) that the values at the knots do not know of."""
         import numpy as np
 
-        basis = self.basis(x)
-        return np.asarray(np.maximum((1.0 + _LEVEL) * self.spread**2 - (basis**2).sum(axis=1), 0.0))
+        variance = 1.0 + _LINE * (1.0 + self._share(x) ** 2)
+        return np.asarray(np.maximum(variance * self.spread**2 - (self.basis(x) ** 2).sum(axis=1), 0.0))
 
     def _correlation(self, x: Any) -> Any:
         """Correlation (N, K) of the shape at x (N,) with that at the knots."""
@@ -99,7 +100,13 @@ class FreeShape:
 
         distance = np.asarray(x)[:, None] - np.array(self.knots)
         scaled = np.sqrt(3.0) / self.width * np.where(distance.real < 0, -distance, distance)
-        return _LEVEL + (1.0 + scaled) * np.exp(-scaled)
+        line = _LINE * (1.0 + self._share(np.asarray(x))[:, None] * self._share(np.array(self.knots)))
+        return line + (1.0 + scaled) * np.exp(-scaled)
+
+    def _share(self, x: Any) -> Any:
+        """Places x (N,) on -1 ... 1 between the first knot and the last."""
+        first, last = self.knots[0], self.knots[-1]
+        return (2 * x - first - last) / (last - first)
 
 
 @dataclass(frozen=True, kw_only=True)

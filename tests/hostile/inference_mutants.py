@@ -254,4 +254,10 @@ INFERENCE = (
         "if False:",
         "tests/test_unexplained.py::test_a_named_effect_that_explains_much_of_a_shape_does_not_take_its_rest",
     ),
+    Mutant(
+        "diagnosis/nameless.py",
+        "return after if alone is None else",
+        "return after if True else",
+        "tests/test_unexplained.py::test_a_named_effect_that_explains_much_of_a_shape_does_not_take_its_rest",
+    ),
 )
