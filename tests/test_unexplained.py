@@ -36,7 +36,7 @@ HEIGHT = 50e-6
 def kernel(a: np.ndarray, b: np.ndarray, width: float, knots: np.ndarray) -> np.ndarray:
     """Rasmussen and Williams 2006, eq. 4.17, and a line whose level and rise have three times its variance."""
     r = np.sqrt(3) * np.abs(a[:, None] - b) / width
-    u, v = (2 * (x - knots[0]) / (knots[-1] - knots[0]) - 1 for x in (a, b))
+    u, v = (np.interp(x, knots[[0, -1]], [-1.0, 1.0]) for x in (a, b))
     return 3 * (1 + np.outer(u, v)) + (1 + r) * np.exp(-r)
 
 
@@ -197,8 +197,8 @@ def test_the_place_of_an_odd_shape_is_found(law: str, at: str) -> None:
 
 
 def test_a_named_effect_that_explains_much_of_a_shape_does_not_take_its_rest() -> None:
-    """A step of a drive is two thirds a slope, which a turn of its carriage explains: the rest is no odd turn, and beside
-    the whole step there is no turn."""
+    """A step of a drive is two thirds a slope, which a turn of its carriage explains: the rest is no odd turn, and
+    beside the whole step there is no turn."""
     machine, seed, planted, _ = planted_case(4)
     d = diagnosed(campaign(machine, [planted], seed), seed)
     assert (machine, planted.keyword, planted.at) == ("triglide", "odd_step", "q1")

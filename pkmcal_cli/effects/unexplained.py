@@ -4,7 +4,7 @@ The shape is a Gaussian process with Matern's covariance of smoothness 3/2 (Rasm
 spread, a width, and values at knots between which it is the conditional mean. Its parameters are weights w of shapes
 that are independent and of unit variance before anything is measured: the values at the knots are F w with F F^T the
 covariance there. To this come a level and a slope of its own, since data rarely tell these from parameters. Beyond the
-knots the shape falls back to this line and its uncertainty grows.
+knots the shape falls back to where this line ends, and its uncertainty grows.
 """
 
 from __future__ import annotations
@@ -100,13 +100,16 @@ class FreeShape:
 
         distance = np.asarray(x)[:, None] - np.array(self.knots)
         scaled = np.sqrt(3.0) / self.width * np.where(distance.real < 0, -distance, distance)
-        line = _LINE * (1.0 + self._share(np.asarray(x))[:, None] * self._share(np.array(self.knots)))
+        line = _LINE * (1.0 + self._share(x)[:, None] * self._share(self.knots))
         return line + (1.0 + scaled) * np.exp(-scaled)
 
     def _share(self, x: Any) -> Any:
-        """Places x (N,) on -1 ... 1 between the first knot and the last."""
+        """Places x (N,) on -1 ... 1 between the first knot and the last, at the end of it beyond."""
+        import numpy as np
+
         first, last = self.knots[0], self.knots[-1]
-        return (2 * x - first - last) / (last - first)
+        share = (2 * np.asarray(x) - first - last) / (last - first)
+        return np.where(np.abs(share.real) > 1.0, np.sign(share.real), share)
 
 
 @dataclass(frozen=True, kw_only=True)
