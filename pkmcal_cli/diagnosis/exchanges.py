@@ -14,9 +14,9 @@ from pkmcal_cli.diagnosis.refine import RIVALS, gain, preferences, renamed, repl
 from pkmcal_cli.diagnosis.refits import refit
 from pkmcal_cli.diagnosis.score import log_evidence
 from pkmcal_cli.diagnosis.scoring import Scored, Search, score_all, score_without, scored_beside, shape_gains
-from pkmcal_cli.diagnosis.search import BETTER, needed_only, ranked, set_evidence
+from pkmcal_cli.diagnosis.search import BETTER, MOST_EFFECTS, needed_only, ranked, set_evidence
 
-_TRIALS = 3  # exchanges that are fitted in place of one or two effects
+_TRIALS, _FITS = 3, 10  # exchanges that are fitted in place of one or two effects, and in all
 _ASTRAY, _LOST = 1.5, 2  # times the chi-square before, at which a fit went astray; such fits of an effect that is lost
 _DIGITS = 6  # of a log evidence; the rest is rounding
 _Way = tuple[float, tuple[Hypothesis, ...]]  # effects that could stand for others, with their log evidence
@@ -37,9 +37,11 @@ class _Tried:
         self.sets.add(frozenset(after.accepted))
         self.astray.update({h.name: self.astray.get(h.name, 0) + 1 if astray else 0 for h in new})
 
-    def is_lost(self, hypothesis: Hypothesis) -> bool:
-        """Whether fits with an effect go astray."""
-        return self.astray.get(hypothesis.name, 0) >= _LOST
+    def excludes(self, after: Search, new: Sequence[Hypothesis]) -> bool:
+        """Whether a set was tried or is too large, fits with one of its new effects go astray, or enough was tried."""
+        lost = any(self.astray.get(h.name, 0) >= _LOST for h in new)
+        enough = len(self.sets) >= _FITS or len(after.accepted) > MOST_EFFECTS
+        return lost or enough or frozenset(after.accepted) in self.sets
 
 
 def swapped(search: Search) -> Search:
@@ -99,7 +101,7 @@ def _exchanged(search: Search, removed: tuple[Hypothesis, ...], tried: _Tried) -
     priced = [(evidence - search.price(search.accepting(new, removed).accepted), new) for evidence, new in ways]
     for new in _likely([way for way in priced if not _says_the_same(way[1], removed)], least):
         after = search.accepting(new, removed)
-        if frozenset(after.accepted) in tried.sets or any(tried.is_lost(h) for h in new):
+        if tried.excludes(after, new):
             continue
         fit = refit(after, {})
         tried.add(after, new, fit is None or fit.chi2 > _ASTRAY * search.fit.chi2)
