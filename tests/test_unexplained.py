@@ -199,7 +199,7 @@ def test_the_place_of_an_odd_shape_is_found(law: str, at: str) -> None:
 def test_a_named_effect_that_explains_much_of_a_shape_does_not_take_its_rest() -> None:
     """A step of a drive is two thirds a slope, which a turn of its carriage explains: the rest is no odd turn, and
     beside the whole step there is no turn."""
-    machine, seed, planted, _ = planted_case(4)
+    machine, seed, planted, _ = planted_case(36)
     d = diagnosed(campaign(machine, [planted], seed), seed)
     assert (machine, planted.keyword, planted.at) == ("triglide", "odd_step", "q1")
     assert d.verdict == "unknown" and [s.hypothesis.at for s in d.shapes] == ["q1"] and not d.findings

@@ -99,7 +99,7 @@ def _exchanged(search: Search, removed: tuple[Hypothesis, ...], tried: _Tried) -
     least = _evidence_of(without, removed) - search.price(search.accepted) + margin
     ways = (*_some_members(search, without, removed), *_pairs(search, without, removed, opened))
     priced = [(evidence - search.price(search.accepting(new, removed).accepted), new) for evidence, new in ways]
-    for new in _likely([way for way in priced if not _says_the_same(way[1], removed)], least):
+    for new in _likely([way for way in priced if set(way[1]) != set(removed)], least):
         after = search.accepting(new, removed)
         if tried.excludes(after, new):
             continue
@@ -125,14 +125,6 @@ def _margin(search: Search, without: Scored, removed: tuple[Hypothesis, ...]) ->
     if removed[0].members or removed[0].begin:
         return -BETTER
     return BETTER + float(shape_gains(search, without, slice(1))[0])
-
-
-def _says_the_same(new: tuple[Hypothesis, ...], removed: tuple[Hypothesis, ...]) -> bool:
-    """Whether effects are the removed ones, or single places of a removed group with no fewer numbers than it has."""
-    if len(removed) > 1 or not removed[0].members:
-        return set(new) == set(removed)
-    group, numbers = removed[0], sum(len(h.parameters) for h in new)
-    return numbers >= len(group.parameters) and all(h.effect == group.effect for h in new)
 
 
 def _some_members(search: Search, without: Scored, removed: tuple[Hypothesis, ...]) -> Iterator[_Way]:
