@@ -38,10 +38,12 @@ def gain(search: Search, after: Search, scores: Scored, k: int) -> float:
 
 
 def preferences(scores: Scored) -> Array:
+    """Log evidence (H,) by which hypotheses go before others."""
     return np.array([h.preference for h in scores.hypotheses])
 
 
 def renamed(search: Search, scores: Scored, k: int) -> Search:
+    """The search with p value and evidence of hypothesis k as they were scored."""
     name = scores.hypotheses[k].name
     p = search.p_values | {name: float(scores.p_values[k])}
     return replace(search, p_values=p, evidence=search.evidence | {name: float(scores.log_bayes[k])})
