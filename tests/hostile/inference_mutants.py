@@ -110,9 +110,9 @@ INFERENCE = (
         _S + "test_what_is_held_moves_as_far_as_its_range_only",
     ),
     Mutant(
-        "diagnosis/linear.py",
-        "(1.0 + g) - m * np.log1p(g)",
-        "(1.0 + g) - np.log1p(g)",
+        "diagnosis/score.py",
+        "(1.0 + g) - m * np.log1p(g))",
+        "(1.0 + g) - np.log1p(g))",
         _S + "test_evidence_is_the_integral_over_sizes",
     ),
     Mutant(
@@ -202,8 +202,8 @@ INFERENCE = (
     ),
     Mutant(
         "diagnosis/nameless.py",
-        "if _is_left_by_named(search, removed, shapes[0], last):",
-        "if False:",
+        " or _is_left_by_named(search, removed, shapes[0], last):",
+        ":",
         "tests/test_diagnosis_cases.py::test_a_zero_that_does_not_stay_is_found[scissors-q2]",
     ),
     Mutant(
