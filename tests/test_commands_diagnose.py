@@ -103,7 +103,7 @@ def test_what_is_far_beyond_its_range_is_found_last_and_said_to_be_unusual(tmp_p
     done = diagnosed(HANGPRINTER, str(table))
     assert names(done) == {"backlash A"}
     found, std, unit = value(done, "backlash@A.b")
-    assert unit == "um" and abs(found - 8000) < 4 * std < 2000
+    assert unit == "um" and abs(found - 8000) < 2 * std < 1500  # 0.34 mm by noise, 0.52 mm by what is not identified
     assert "its size is beyond the plausible range" in done.err and done.json["effects"][0]["provisional"]
     (shown,) = (d for d in done.json["invisible"] if (d["effect"], d["at"]) == ("backlash", "B"))
     assert shown["effect"] == "backlash", "what cannot be seen within its range is still told"
@@ -158,7 +158,7 @@ def test_narrow_terminals_show_names_and_sizes_whole(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr("pkmcal_cli.report.console._WIDTH", 80)
     shown = clean(run_once("diagnose", SCISSORS, SHOPFLOOR)).err
     causes = shown.partition("Causes")[2].partition("bad row")[0]
-    assert "thermal growth  all" in causes and "um/(m*K)" in causes and "\u2026" not in causes
+    assert re.search("thermal growth +all", causes) and "um/(m*K)" in causes and "\u2026" not in causes
     assert "not shown in 80 columns: share, evidence" in causes
     assert "unequal_backlash" in run("effects", SCISSORS).err
 

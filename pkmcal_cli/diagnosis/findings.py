@@ -9,11 +9,12 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.stages import Stage
+from pkmcal_cli.calibration.error_budget import error_budget, held_parameters
 from pkmcal_cli.diagnosis.confirm import HeldOutGain, held_out_gain
 from pkmcal_cli.diagnosis.detection import Detection, Procedure
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.model_discrepancy import own_discrepancies, own_discrepancy
-from pkmcal_cli.diagnosis.refine import Rival, rivals_of, set_of
+from pkmcal_cli.diagnosis.refine import Rival, RunnerUp, rivals_of, set_of
 from pkmcal_cli.diagnosis.refits import refit
 from pkmcal_cli.diagnosis.score import UNUSUAL
 from pkmcal_cli.diagnosis.scoring import Scored, Search, linear_without
@@ -42,6 +43,7 @@ class Finding:
     nonlinear: float  # likelihood ratio over score statistic; 1 where it acts in proportion to its size
     beyond: bool  # larger than twice what is plausible
     provisional: bool
+    runner_up: RunnerUp | None  # the best of those that are no rivals
     selected: SelectedSize | None  # its size where being found made it larger
     separable: Separable = field(default_factory=Separable)  # which of it and its rivals further points can tell apart
     run_away: Mapping[str, float] | None = None  # of what is far off: offsets of declared parameters without it, SI
@@ -59,27 +61,49 @@ class Finding:
         return any(r.hypothesis != self.hypothesis and not r.hypothesis.nested(self.hypothesis) for r in self.rivals)
 
 
+@dataclass(frozen=True)
+class _Basis:
+    """What all findings of a search are told by: scored at the `last`, fall of chi-square by `every` effect, whether
+    something is in `doubt`, variances (SI, by parameter) that parameters add which are not identified."""
+
+    last: Scored
+    every: float
+    doubt: bool
+    by_held: Mapping[str, float]
+    seed: int
+
+    def variances(self, search: Search, hypothesis: Hypothesis) -> Array:
+        """Variances (k,), SI, of an effect's numbers by noise and by parameters that are not identified; 0: known."""
+        std = dict(zip(search.fit.selected, search.fit.std, strict=True))
+        noise = self.last.scale.variance * search.inflation
+        return np.array([noise * std.get(n, 0.0) ** 2 + self.by_held.get(n, 0.0) for n in hypothesis.parameters])
+
+
 def findings_of(search: Search, last: Scored, doubt: bool, options: SearchOptions) -> tuple[Finding, ...]:
     """What is told of accepted effects, by what they gain. `last`: scored at the end; `doubt`: something is unknown."""
     if not search.accepted:
         return ()
     every = linear_without(search, search.near, ()).chi2 - search.fit.chi2  # what all of them explain
-    findings = []
+    basis, findings = _Basis(last, every, doubt, _by_held(search), options.seed), []
     for k, h in enumerate(search.near):
         options.observe(Stage("findings", k, len(search.near)))
-        findings.append(_finding(search, h, last, every, doubt, options.seed))
-    findings += [_far_finding(search, h, last, doubt) for h in search.accepted if h.name in search.far_off]
+        findings.append(_finding(search, h, basis))
+    findings += [_far_finding(search, h, basis) for h in search.accepted if h.name in search.far_off]
     findings = [f.compared(search) for f in findings]
     return tuple(sorted(findings, key=lambda f: -f.held_out.gain))
 
 
-def _finding(search: Search, hypothesis: Hypothesis, last: Scored, every: float, doubt: bool, seed: int) -> Finding:
-    names = search.problem.model.names
+def _by_held(search: Search) -> Mapping[str, float]:
+    """Variances, SI, that parameters which are not identified add to those that are."""
+    held = held_parameters(search.problem, search.fit.selected, ())
+    budget = error_budget(search.problem, search.fit, held)
+    return dict(zip(budget.names, budget.std_by_held**2, strict=True))
+
+
+def _finding(search: Search, hypothesis: Hypothesis, basis: _Basis) -> Finding:
+    names, last, seed = search.problem.model.names, basis.last, basis.seed
     index = [names.index(n) for n in hypothesis.parameters]
-    places = {n: k for k, n in enumerate(search.fit.selected)}
-    stds = [search.fit.std[places[n]] if n in places else 0.0 for n in hypothesis.parameters]  # 0: known
-    spread = np.array(stds) * np.sqrt(last.scale.variance * search.inflation)
-    std = tuple(float(s) for s in np.sqrt(spread**2 + _by_shape(search, hypothesis, last)))
+    std = tuple(float(s) for s in np.sqrt(basis.variances(search, hypothesis) + _by_shape(search, hypothesis, last)))
     estimate = tuple(float(v) for v in search.fit.values[index])
     nominal, ranges = search.problem.model.nominal[index], search.problem.model.ranges[index]
     null = search.null[index]
@@ -87,7 +111,7 @@ def _finding(search: Search, hypothesis: Hypothesis, last: Scored, every: float,
     beyond = bool((np.abs(np.array(estimate) - nominal) > UNUSUAL * ranges)[part].any())
     gain = held_out_gain(search, hypothesis)
     fall = _likelihood_ratio(search, hypothesis)
-    share = min(fall / every, 1.0) if every > 0 and np.isfinite(fall) else float("nan")
+    share = min(fall / basis.every, 1.0) if basis.every > 0 and np.isfinite(fall) else float("nan")
     near = set_of(search, hypothesis)
     without = near.without
     ratio = fall / max(without.scores[0].statistic, 1e-9)
@@ -105,34 +129,34 @@ def _finding(search: Search, hypothesis: Hypothesis, last: Scored, every: float,
         p_value=search.p_values[hypothesis.name],
         share=max(share, 0.0),
         rivals=near.rivals,
+        runner_up=near.runner_up,
         held_out=gain,
         stable=stable,
         nonlinear=ratio,
         beyond=beyond,
-        provisional=doubt or beyond or not gain.confirmed or stable.share < STABLE,
+        provisional=basis.doubt or beyond or not gain.confirmed or stable.share < STABLE,
         selected=selected,
     )
 
 
-def _far_finding(search: Search, hypothesis: Hypothesis, last: Scored, doubt: bool) -> Finding:
+def _far_finding(search: Search, hypothesis: Hypothesis, basis: _Basis) -> Finding:
     """What is told of an effect that is far off: nothing that is linear at its null."""
     model, fit = search.problem.model, search.fit
-    places = {n: k for k, n in enumerate(fit.selected)}
-    spread = np.sqrt(last.scale.variance * search.inflation)
     gain, far_off = held_out_gain(search, hypothesis), search.far_off[hypothesis.name]
     return Finding(
         hypothesis=hypothesis,
         estimate=tuple(float(fit.values[model.names.index(n)]) for n in hypothesis.parameters),
-        std=tuple(float(spread * fit.std[places[n]]) if n in places else 0.0 for n in hypothesis.parameters),
+        std=tuple(float(s) for s in np.sqrt(basis.variances(search, hypothesis))),
         evidence=search.evidence[hypothesis.name],
         p_value=search.p_values[hypothesis.name],
         share=float("nan"),
         rivals=rivals_of(search, hypothesis),
+        runner_up=None,
         held_out=gain,
         stable=Stability(float("nan")),
         nonlinear=float("nan"),
         beyond=False,
-        provisional=doubt or not gain.confirmed,
+        provisional=basis.doubt or not gain.confirmed,
         selected=None,
         run_away=far_off.offsets,
     )

@@ -31,6 +31,14 @@ class Rival:
     cosine: float  # of the angle between the two, declared parameters and other effects projected out
 
 
+@dataclass(frozen=True)
+class RunnerUp:
+    """The best hypothesis that the data do not support in the place of an accepted one; log odds against it."""
+
+    hypothesis: Hypothesis
+    log_odds: float
+
+
 def gain(search: Search, after: Search, scores: Scored, k: int) -> float:
     """Log evidence that rival k gains, fitted in place of the accepted effect (0)."""
     fall = 0.5 * (search.fit.chi2 - after.fit.chi2) / scores.scale.variance
@@ -127,6 +135,18 @@ class CredibleSet:
     def members(self) -> tuple[Hypothesis, ...]:
         """The hypotheses."""
         return tuple(r.hypothesis for r in self.rivals)
+
+    @property
+    def runner_up(self) -> RunnerUp | None:
+        """The best of those that are not in it; None of none. Other places of an accepted group are no other cause."""
+        accepted, others = self.without.hypotheses[0], self.without.hypotheses
+        odds = [
+            (float(self.evidence[0] - self.evidence[k]), h)
+            for k, h in enumerate(others)
+            if h not in self.members and not h.akin(accepted)
+        ]
+        odds = [(ahead, h) for ahead, h in odds if np.isfinite(ahead)]
+        return RunnerUp(*min(odds, key=lambda pair: pair[0])[::-1]) if odds else None
 
 
 def rivals_of(search: Search, hypothesis: Hypothesis) -> tuple[Rival, ...]:

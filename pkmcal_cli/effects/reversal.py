@@ -42,7 +42,7 @@ BACKLASH = Effect(
     needs=("direction",),
     cause="The nut, end bearing, belt or gear of {at} has play.",
     result="Positions of {at} approached from opposite sides differ by {size}.",
-    action="Check the preload of the nut and the end bearing of {at}; until then compensate for {size} of reversal.",
+    action="Check nut, end bearing, belt or gear of {at}; until then compensate for {size} of reversal.",
 )
 UNEQUAL_BACKLASH = Effect(
     keyword="unequal_backlash",

@@ -68,6 +68,7 @@ class DiagnosisJson(DiagnosisValues):
                 {"effect": r.hypothesis.effect, "at": r.hypothesis.at, "weight": r.weight, "cosine": r.cosine}
                 for r in finding.rivals
             ],
+            "runner_up": self._runner_up_json(finding),
             "heldout_rms": finite(finding.held_out.with_it / unit.scale),
             "heldout_rms_without": finite(finding.held_out.without / unit.scale),
             "unit": unit.text,
@@ -81,6 +82,13 @@ class DiagnosisJson(DiagnosisValues):
             if finding.run_away is None
             else {name: off / self.unit(name).scale for name, off in finding.run_away.items()},
         }
+
+    def _runner_up_json(self, finding: Finding) -> dict[str, Any] | None:
+        """The best hypothesis outside the credible set."""
+        best = finding.runner_up
+        if best is None:
+            return None
+        return {"effect": best.hypothesis.effect, "at": best.hypothesis.at, "log_odds": finite(best.log_odds)}
 
     def _selection_json(self, finding: Finding) -> dict[str, Any] | None:
         """What being found made of its size."""

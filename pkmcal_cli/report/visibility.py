@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
 from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes
+from pkmcal_cli.effects import catalogue
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.detectable_sizes import sizes_text, worst_text
 from pkmcal_cli.report.diagnosis_values import DiagnosisValues
@@ -54,12 +55,19 @@ class VisibilityReport(DiagnosisValues):
             needed = self.rows_needed(i)
             why = f"needs about {needed} such rows" if needed is not None else ""
             why = f"absorbed by {', '.join(i.absorbed_by)}" if i.absorbed_by else why
-            rows.append((i.hypothesis.name, size, handy(i.plausible, unit), why))
+            rows.append((i.hypothesis.name, size, handy(i.plausible, unit), why or _meaning(i)))
         to.say()
         to.table("Effects that these data cannot show", ("effect", "smallest detectable", "plausible", "remark"), rows)
         if more := [i.hypothesis for i in hidden[_SHOWN:]]:
             to.say(f"and {count(len(more), 'more effect')} (sizes in --json): {by_effect(more)}")
         to.say(f"points that would show one: {command('plan', *self.files(), '--aim', 'EFFECT')}")
+
+
+def _meaning(hidden: VisibleSizes) -> str:
+    """What a number without a unit is a number of."""
+    effect = catalogue().get(hidden.hypothesis.effect)
+    pure = {p.name: p.text for p in effect.parameters if p.unit == "1"} if effect is not None else {}
+    return pure.get(hidden.parameter.rpartition(".")[2], "")
 
 
 def by_effect(hypotheses: Sequence[Hypothesis]) -> str:

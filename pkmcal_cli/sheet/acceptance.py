@@ -29,6 +29,10 @@ from pkmcal_cli.sheet.results import Results
 _MM_PER_MIN = 60e3  # of 1 m/s
 _AXIS = ("A", "R", "E", "M", "B")
 _LINE = ("E", "M", "B")
+_ALONG = (
+    "E, M and B are of deviations along the axis on this line alone, so they are less than the largest distance "
+    "between measured and nominal points in the whole workspace (above: errors as built)."
+)
 _COMMANDED_BY = {"as built": "the nominal parameters", "after correction": "the identified parameters"}
 
 
@@ -55,6 +59,8 @@ class Acceptance:
             text = f"No ISO 230-2 figures: they need {FEWEST_APPROACHES} approaches from each side to each of at least "
             text += f"{FEWEST_TARGETS} targets in a line along one coordinate."
             blocks += [Text(text, "note"), self._lines()]
+            if self.lines:
+                blocks.append(Text(_ALONG, "note"))
             if self.lines and self.note:
                 blocks.append(Text(self.note[0].upper() + self.note[1:] + ".", "note"))
         measured = any(block is not None for block in (self._axes(), self._poses(), self._circle()))

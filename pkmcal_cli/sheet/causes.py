@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
 
+from pkmcal_cli.diagnosis.findings import Finding
 from pkmcal_cli.report.diagnosis import DiagnosisReport
 from pkmcal_cli.report.shape_text import ShapeText
 from pkmcal_cli.sheet.content import Block, Section, Table, Text, section
@@ -13,10 +17,13 @@ from pkmcal_cli.sheet.results import Results
 
 _CORRELATED = 0.5  # from which on a correlation is worth a line
 _MOST = 5
+_POWER = 4  # of ten, from which on odds are told as such
 _BASIS = (
     "Held-out rms of a cause: of single readings (each coordinate by itself), predicted from the other blocks of the "
     "table with and without this cause. Position errors above are distances, so that they are larger. "
-    "\"Times larger than the stated noise\": root of chi-square per degree of freedom, all readings together."
+    "\"Times larger than the stated noise\": root of chi-square per degree of freedom, all readings together. "
+    "Evidence: odds for the model with the cause against that without it, overwhelming above 20 000 : 1, clear above "
+    "20 : 1."
 )
 
 
@@ -37,7 +44,7 @@ def causes(results: Results) -> Section | None:
     if alone:
         others = "every other effect of the catalogue at every place, and every parameter that was held"
         text = f"Tried instead of {', '.join(alone)}: {others}; none explains the data as well."
-        blocks.append(Text(text, "note"))
+        blocks.append(Text(f"{text}{_runners_up(report.diagnosis.findings)}", "note"))
     blocks += effects(results)
     for shape in report.diagnosis.shapes:
         blocks.append(Text(ShapeText(report.machine, report.shaped_model, shape, report.error_unit).sentence()))
@@ -45,6 +52,20 @@ def causes(results: Results) -> Section | None:
         blocks.append(Text(report.unknown_text(unknown)))
     blocks += [b for b in (_indistinguishable(report), _correlations(results)) if b is not None]
     return section("causes", "Causes", blocks)
+
+
+def _runners_up(findings: Sequence[Finding]) -> str:
+    """What comes next in the place of each cause, and how far behind."""
+    behind = [(f.hypothesis.name, f.runner_up) for f in findings if f.runner_up is not None and not f.ambiguous]
+    parts = [f"{best.hypothesis.name} in the place of {name} ({_odds(best.log_odds)})" for name, best in behind]
+    return f" Next best: {', '.join(parts)}." if parts else ""
+
+
+def _odds(log_odds: float) -> str:
+    """Odds of so many to one."""
+    power = log_odds / math.log(10.0)
+    size = f"{float(f'{math.exp(log_odds):.2g}'):.6g}" if power < _POWER else f"1e{power:.0f}"
+    return f"odds of {size} : 1 against it"
 
 
 def _indistinguishable(report: DiagnosisReport) -> Table | None:

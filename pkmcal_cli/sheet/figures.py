@@ -62,9 +62,8 @@ def maps(results: Results) -> list[Figure]:
 
 def _without_bad_rows(results: Results) -> str:
     """Why figures with the causes are of fewer rows than those of the calibration."""
-    bad = results.diagnosis.diagnosis.bad_rows if results.diagnosis is not None else ()
-    named = ", ".join(results.row_text(row) for row in bad)
-    return f" Without rows that are not used ({named}), so that rms differ from those of all rows." if bad else ""
+    named = ", ".join(results.row_text(row) for row in results.bad_rows)
+    return f" Without rows that are not used ({named}), so that rms differ from those of all rows." if named else ""
 
 
 def effects(results: Results) -> list[Figure]:

@@ -7,8 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from pkmcal_cli.calibration.point_errors import Judged, PointErrors, point_errors
+import numpy as np
+
+from pkmcal_cli.calibration.point_errors import Judged, PointErrors, joined, point_errors
 from pkmcal_cli.calibration.residual import evaluate
+from pkmcal_cli.diagnosis.bad_rows import with_rows
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.report.calibration import CalibrationReport
@@ -58,6 +61,23 @@ class Results:
         problem = self.calibrated.problem.without(self.calibrated.slipped)
         there = evaluate(problem, self.calibrated.fit.values, ())
         return point_errors(problem, there.residual, problem.measured), "the rows that were fitted"
+
+    @property
+    def bad_rows(self) -> tuple[int, ...]:
+        """Rows that the search for causes left out."""
+        return () if self.diagnosis is None else self.diagnosis.diagnosis.bad_rows
+
+    @property
+    def left_out(self) -> PointErrors:
+        """Position errors of rows that are off by themselves, with all that was found; they are not judged."""
+        if self.improved is None:
+            return joined([])
+        made = self.improved.improvement
+        bad = np.array(self.bad_rows, dtype=np.intp)
+        problem = with_rows(made.problem, bad.tolist())
+        there = evaluate(problem, made.fit.values, ())
+        on = problem.measured & np.isin(np.arange(len(problem)), bad)[:, None] & np.isfinite(there.residual)
+        return point_errors(problem, there.residual, on)
 
     @property
     def expected(self) -> PointErrors | None:

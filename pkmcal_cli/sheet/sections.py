@@ -11,7 +11,7 @@ from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.report.figures import figure_unit, kind_label
 from pkmcal_cli.report.number_format import readable
-from pkmcal_cli.report.sentences import cause_effect_action, command
+from pkmcal_cli.report.sentences import cause_effect_action, command, listed
 from pkmcal_cli.sheet.acceptance import Acceptance
 from pkmcal_cli.sheet.causes import causes
 from pkmcal_cli.sheet.content import Block, Section, Sheet, Table, Text, section
@@ -21,6 +21,15 @@ from pkmcal_cli.sheet.results import Results
 from pkmcal_cli.sheet.verdict import verdict
 
 _IDENTIFIED = ("-p", "params.yaml")
+_STANDS_FOR = (
+    " An identified value stands for the errors of parameters that are not identified as well, and its uncertainty "
+    "includes them; so it may be wider than the range. At the tool most of that cancels."
+)
+_FILES = (
+    "`improve` writes improved.yaml and improved.params.yaml. TARGETS.csv lists the poses that are wanted, one a row, "
+    "in columns as the measurements have them{circumstances}. Run the set values of commands.csv instead of those that "
+    "the control computes."
+)
 _ERROR = "Error"  # title of the table that the sheet has in a form of its own
 
 
@@ -91,6 +100,8 @@ def parameters(results: Results) -> Section | None:
     blocks: list[Block | None] = [together, identified(results), *([] if together else _calibrated(results))]
     note = "Range: what was known of a dimension before, two standard deviations about nominal. Numbers in brackets: "
     note += "standard uncertainty of the last digits; twice that for 95 %."
+    if together and results.improved is not None and results.improved.improvement.budget.held:
+        note += _STANDS_FOR
     return section("parameters", "Identified parameters", [*blocks, Text(note, "note")])
 
 
@@ -98,8 +109,9 @@ def alone(results: Results) -> Section | None:
     """The calibration without the causes, where it is not that of the machine."""
     if _with_causes(results) is None:
         return None
-    text = "Not for use: without the causes, the parameters take up part of them."
-    if results.diagnosis is not None and results.diagnosis.diagnosis.bad_rows:
+    text = "Not for use: without the causes, the parameters take up part of them. What it says is missing is what the "
+    text += "causes above explain; it is here so that nothing is hidden, and asks for nothing more to be done."
+    if results.bad_rows:
         text += " All rows are in it, also those that the search for causes does not use."
     return section("alone", "Appendix: calibration without the causes", [Text(text, "warning"), *_calibrated(results)])
 
@@ -152,8 +164,8 @@ def next_steps(results: Results) -> Section | None:
     """What to correct, and what to measure next."""
     report, blocks = results.diagnosis, list[Block]()
     machine, table = results.machine.files[0][0], results.measured.files
-    if report is not None and report.diagnosis.bad_rows:
-        again = ", ".join(results.row_text(row) for row in report.diagnosis.bad_rows)
+    if results.bad_rows:
+        again = ", ".join(results.row_text(row) for row in results.bad_rows)
         blocks.append(Text(f"Measure again: {again} (off by itself, by more than any cause explains; not used)."))
     if report is not None and report.diagnosis.findings:
         rows = []
@@ -167,11 +179,18 @@ def next_steps(results: Results) -> Section | None:
         blocks += [Text(text)]
         blocks += [Text(command("improve", machine, *table, *results.fit_words, "-o", "improved.yaml"), "command")]
         blocks += [Text("pkmcal correct improved.yaml TARGETS.csv -p improved.params.yaml -o commands.csv", "command")]
+        blocks += [Text(_FILES.format(circumstances=_circumstances(results)), "note")]
     elif results.verified is None:
         blocks += [Text("Set values that account for the identified parameters:"), _identification(results)]
         blocks += [Text(command("correct", machine, "TARGETS.csv", *_IDENTIFIED, "-o", "commands.csv"), "command")]
     blocks += _next_measurement(results)
     return section("next", "Corrections and next measurement", blocks)
+
+
+def _circumstances(results: Results) -> str:
+    """Columns of the measurements on which what was identified may depend."""
+    columns = list(results.measured.covariates)
+    return f", with those of {listed(columns, 6)} as they will be (else at their reference)" if columns else ""
 
 
 def _identification(results: Results) -> Text:

@@ -16,6 +16,7 @@ _COMMANDS = (
     "The rows after correction are compared with what the identified parameters predict for the set values in the "
     "table: the machine meets its targets as well as this only if these set values were corrected (`correct`)."
 )
+_MOST_ROWS = 4  # that are named
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 _BY_TOLERANCE: dict[str, Word] = {"pass": "PASS", "fail": "FAIL", "undecided": "UNDECIDED"}
 _BY_DIAGNOSIS: dict[str, Word] = {"clean": "CLEAN", "found": "FOUND", "ambiguous": "FOUND"}
@@ -30,7 +31,7 @@ def verdict(results: Results) -> Verdict:
     if judged is None:
         return Verdict(_word(results), "; ".join([_error(results), *_causes(results)]), tuple(_lines(results)))
     worst = _worst(results, judged)
-    lines = [_judged_error(results, judged), _share(results, judged), *_lines(results)]
+    lines = [_judged_error(results, judged), _share(results, judged), *_not_judged(results), *_lines(results)]
     return Verdict(_BY_TOLERANCE[judged.verdict], "; ".join([worst, *_causes(results)]), tuple(lines))
 
 
@@ -121,6 +122,8 @@ def _share(results: Results, judged: Judged) -> str:
     parts = [(judged.passed, "pass"), (judged.failed, "fail"), (judged.undecided, "undecided")]
     sums = ", ".join(f"{int(part.sum())} {word}" for part, word in parts)
     which = "the table measured after correction" if results.verified is not None else results.before[1]
+    if results.verified is None and results.improved is not None:
+        which += ", each predicted by a calibration and a search without its part of the table"
     u = unit.from_si(float(np.max(points.expanded, initial=0.0)))
     share = 100 * u / unit.from_si(limit)
     return (
@@ -131,6 +134,20 @@ def _share(results: Results, judged: Judged) -> str:
     )
 
 
+def _not_judged(results: Results) -> list[str]:
+    """Rows that are off by themselves: the verdict is not about them."""
+    bad, left_out = results.bad_rows, results.left_out
+    if not bad or results.verified is not None:
+        return []
+    off = dict(zip(left_out.rows.tolist(), left_out.errors.tolist(), strict=True))
+    named = [f"{results.row_text(row)}{f', {results.length_text(off[row])} off' if row in off else ''}" for row in bad]
+    it, these = ("it", "this pose") if len(bad) == 1 else ("them", "these poses")
+    return [
+        f"Not judged: {listed(named, _MOST_ROWS)}, by more than any cause explains (a slip of the measurement?). "
+        f"The verdict is without {it}: measure {these} again."
+    ]
+
+
 def _judged_error(results: Results, judged: Judged) -> str:
     """What the error is an error of, and where it is largest."""
     state = "the machine after correction" if results.verified is not None else "the machine as calibrated"
@@ -139,7 +156,7 @@ def _judged_error(results: Results, judged: Judged) -> str:
     k = judged.points.worst
     where = "" if k is None else f", largest at {results.row_origin(int(judged.points.rows[k]))}"
     built = results.calibrated.before.get("position")
-    old = "" if built is None else f" As built (nominal dimensions): {results.length_text(built.largest)}."
+    old = "" if built is None else f" As built (nominal dimensions): {results.length_text(built.largest)} at most."
     return f"Judged: position errors of {state}{where}.{old}"
 
 

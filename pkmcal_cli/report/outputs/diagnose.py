@@ -30,7 +30,8 @@ effects[].effect text: keyword, or `release` for a parameter that is held at nom
 effects[].at text: place, or the parameter's name
 effects[].parameters[].name text: full name
 effects[].parameters[].value number?: estimate in `unit`
-effects[].parameters[].std number?: standard uncertainty; null if undetermined
+effects[].parameters[].std number?: standard uncertainty, with what parameters that are not identified add; null if
+    undetermined
 effects[].parameters[].unit text:
 effects[].evidence number?: log Bayes factor on acceptance
 effects[].p_value number?: p-value on acceptance, before allowing for selection
@@ -40,6 +41,10 @@ effects[].credible_set[].effect text: hypotheses that together hold 95 % of the 
 effects[].credible_set[].at text:
 effects[].credible_set[].weight number: share of the evidence
 effects[].credible_set[].cosine number: 1: these data cannot separate it from the effect
+effects[].runner_up?.effect text: the best hypothesis outside the credible set; `runner_up` is null where there is
+    none, or the effect is far off
+effects[].runner_up.at text:
+effects[].runner_up.log_odds number?: natural logarithm of the odds against it
 effects[].heldout_rms number?: of the positions on rows held out by blocks, with all effects, in the effect's `unit`
 effects[].heldout_rms_without number?: the same without this effect
 effects[].unit text: of both
