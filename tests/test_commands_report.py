@@ -16,6 +16,7 @@ from tests.command import MACHINES, SCISSORS, SHOPFLOOR, clean, run
 from tests.computed_once import run_once
 from tests.json_schemas import faults_of
 from tests.test_commands_json import NAMED, covers, documented, paths
+from tests.truth import shopfloor as exercise
 
 TARGETS = (200.0, 300.0, 400.0, 500.0, 600.0)
 HEIGHT = 250.0
@@ -123,6 +124,28 @@ def test_a_quantity_has_one_figure(shopfloor: tuple[dict[str, Any], str, int]) -
     figures = [t for t in ElementTree.fromstring(steps).itertext() if re.fullmatch(r"\d+(\.\d+)?", t.strip())]
     assert told in [figure.strip() for figure in figures]
     assert page.count("Without rows that are not used (scissors-shopfloor.csv:38 (p37))") == 1
+
+
+def test_a_row_that_is_not_judged_is_said_with_what_it_is_off_by(shopfloor: tuple[dict[str, Any], str, int]) -> None:
+    """Planted: a gross shift of one row; off by that and its noise, within what the fit is uncertain by."""
+    result, _, _ = shopfloor
+    (line,) = (line for line in result["lines"] if line.startswith("Not judged"))
+    planted = exercise.shopfloor()
+    (row,) = np.nonzero(planted.outlier)[0]
+    off = 1e6 * float(np.linalg.norm((planted.readings - planted.true_readings)[row]))
+    found = re.search(r"scissors-shopfloor.csv:(\d+) \((\w+)\), (\S+) um off, by more than any cause explains", line)
+    assert found is not None and (int(found[1]), found[2]) == (row + 2, f"p{row + 1}")
+    assert float(found[3]) == pytest.approx(off, abs=1.5) and "measure this pose again" in line
+
+
+def test_causes_have_one_size_and_what_comes_next(shopfloor: tuple[dict[str, Any], str, int]) -> None:
+    """The table of causes, that of corrections and that of parameters; another cause of warmth is next to warmth."""
+    _, page, _ = shopfloor
+    words = " ".join(" ".join(Page(page).words).split())
+    for size in (r"([\d.]+\(\d+\)) um/\(m\*K\)", r"(12\.\d+\(\d+\)) um\b"):
+        shown = re.findall(size, words)
+        assert len(shown) >= 3 and len(set(shown)) == 1, shown
+    assert re.search(r"Next best: thermal_\w+@\w+ in the place of thermal_strut@all \(odds of \d+ : 1", words)
 
 
 def test_the_page_stands_alone(shopfloor: tuple[dict[str, Any], str, int]) -> None:
