@@ -75,7 +75,7 @@ def test_ranges_as_prior_give_the_same_name_and_an_interval_that_holds_the_truth
     there = case()
     known = replace(there, problem=with_prior(there.problem, there.selected, "ranges"))
     value, std = size(diagnosed(known))
-    assert abs(value - TRUE) < 3 * std and std < 0.02 * TRUE
+    assert abs(value - TRUE) < 2 * std and std < 0.025 * TRUE  # 0.015 by noise; parameters that are held add the rest
 
 
 @pytest.mark.slow

@@ -140,13 +140,11 @@ class CredibleSet:
     def runner_up(self) -> RunnerUp | None:
         """The best of those that are not in it; None of none. Other places of an accepted group are no other cause."""
         accepted, others = self.without.hypotheses[0], self.without.hypotheses
-        odds = [
-            (float(self.evidence[0] - self.evidence[k]), h)
-            for k, h in enumerate(others)
-            if h not in self.members and not h.akin(accepted)
-        ]
-        odds = [(ahead, h) for ahead, h in odds if np.isfinite(ahead)]
-        return RunnerUp(*min(odds, key=lambda pair: pair[0])[::-1]) if odds else None
+        left = [k for k, h in enumerate(others) if h not in self.members and not h.akin(accepted)]
+        best = max(left, key=lambda k: float(self.evidence[k]), default=None)
+        if best is None or not np.isfinite(self.evidence[[0, best]]).all():
+            return None
+        return RunnerUp(others[best], float(self.evidence[0] - self.evidence[best]))
 
 
 def rivals_of(search: Search, hypothesis: Hypothesis) -> tuple[Rival, ...]:

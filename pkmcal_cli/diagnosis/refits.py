@@ -10,11 +10,13 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
+from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.scoring import Search
 from pkmcal_cli.prediction import WarmStart
 
 _STEPS = 20  # of a fit with effects; those that take more turn on the sign of forces
+_HALVINGS = 6
 _LOST = 1.5  # times the chi-square that is expected, at which a fit may have lost its way
 _HOPELESS = 1e4  # times the chi-square before: a fit that begins so far off is not led back by damped steps
 
@@ -56,11 +58,27 @@ def _near(search: Search) -> Array:
 def _converged_fit(search: Search, start: Array, states: WarmStart) -> Fit | None:
     """A fit from values (P,), and from states of rows near those there."""
     most = _HOPELESS * search.fit.chi2
+    start, states = _predicted(search, start, states)
     try:
         fit = identify(search.unheld, search.selected, start, _STEPS, states=states, hopeless=most)
     except RowsFailed:
         return None
     return fit if fit.usable and not fit.failed else None
+
+
+def _predicted(search: Search, start: Array, states: WarmStart) -> tuple[Array, WarmStart]:
+    """Values (P,) and states at which all rows are predicted: effects half as large, again and again; else as given.
+
+    Estimates are linear: an effect that they make so large that rows cannot be assembled is not as large as that.
+    """
+    names, values = search.problem.model.names, start.copy()
+    index = [names.index(n) for h in search.accepted for n in h.unknown]
+    for _ in range(_HALVINGS):
+        there = evaluate(search.unheld, values, (), states)
+        if there.solved:
+            return values, there.start
+        values[index] = 0.5 * (values[index] + search.null[index])
+    return start, states
 
 
 def _better(one: Fit | None, other: Fit | None) -> Fit | None:
