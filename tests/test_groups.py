@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
+from pkmcal_cli.diagnosis.refine import CredibleSet, Rival
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.loading.load_machine import load_machine
 from pkmcal_cli.model.effect_sites import places, together
@@ -130,3 +133,17 @@ def test_the_same_effect_spread_otherwise_over_places_is_recognised() -> None:
     assert not every.spread([one]) and not every.spread([other]) and not every.spread([])
     assert one.spread([every]) and one.spread([upper]) and common.spread([every])
     assert not _play("q3").spread([upper]) and not one.spread([two]) and not one.spread([common])
+
+
+def test_the_runner_up_is_another_cause() -> None:
+    """A group that holds the accepted drive is no other cause, nor is what has no evidence at all."""
+    one, every = _play("q1"), _play("each", ("q1", "q2", "q3"))
+    windup, pitch = replace(one, effect="windup"), replace(one, effect="pitch")
+    without: Any = SimpleNamespace(hypotheses=(one, every, windup, pitch))
+    rivals = (Rival(one, 1.0, 1.0),)
+    best = CredibleSet(rivals, without, np.array([10.0, 8.0, 3.0, 1.0])).runner_up
+    assert best is not None and (best.hypothesis, best.log_odds) == (windup, 7.0)
+    assert CredibleSet(rivals, without, np.array([10.0, 8.0, -np.inf, -np.inf])).runner_up is None
+    named = (*rivals, Rival(windup, 0.1, 0.9))
+    best = CredibleSet(named, without, np.array([10.0, 8.0, 3.0, 1.0])).runner_up
+    assert best is not None and best.hypothesis == pitch

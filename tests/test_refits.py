@@ -16,6 +16,7 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.diagnosis import refits, search
 from pkmcal_cli.diagnosis.run_diagnosis import diagnose
+from pkmcal_cli.diagnosis.scoring import Search
 from tests.benchmark.setting import ALPHA, diagnosed, ready
 from tests.command import MACHINES, clean, run
 from tests.hangprinter_cases import measured
@@ -84,6 +85,34 @@ def test_a_refit_that_leaves_rows_out_does_not_count(monkeypatch: pytest.MonkeyP
     few = replace(case.candidates, hypotheses=tuple(h for h in case.candidates.hypotheses if h.effect == "backlash"))
     d = diagnose(few, case.problem, case.selected, ALPHA, 4)
     assert d.findings == () and d.verdict == "unknown"
+
+
+def test_an_effect_by_which_rows_are_lost_begins_smaller(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Up to a play of 1 mm rows are predicted here; a linear estimate of 12 mm is halved until they are."""
+    there = ready(campaign("scissors", [unit("scissors", "backlash", "q3", 4)], 4))
+    now = Search(
+        candidates=there.candidates,
+        problem=there.problem,
+        declared=there.selected,
+        fit=identify(there.problem, there.selected),
+    )
+    play = next(h for h in now.open if h.name == "backlash@q3")
+    k = now.problem.model.names.index(play.parameters[0])
+    plain_evaluate, plain_identify, begun = refits.evaluate, refits.identify, list[float]()
+
+    def limited(problem: Problem, values: Any, *more: Any) -> Any:
+        end = plain_evaluate(problem, values, *more)
+        return end if values[k] <= 1e-3 else replace(end, residual=np.full_like(end.residual, np.nan))
+
+    def watched(problem: Problem, selected: tuple[str, ...], start: Any, *more: Any, **options: Any) -> Fit:
+        begun.append(float(start[k]))
+        return plain_identify(problem, selected, start, *more, **options)
+
+    monkeypatch.setattr(refits, "evaluate", limited)
+    monkeypatch.setattr(refits, "identify", watched)
+    fit = refits.refit(replace(now, accepted=(play,)), {play: np.array([12e-3])})
+    assert begun == [12e-3 / 16] and fit is not None and fit.usable
+    assert abs(fit.values[k] - 20e-6) < 1e-6
 
 
 @pytest.mark.parametrize("sizes", [(0.4, 1.0), pytest.param((2.0, 0.5), marks=pytest.mark.slow)])

@@ -254,4 +254,22 @@ INFERENCE = (
         "return after if True else",
         "tests/test_unexplained.py::test_a_named_effect_that_explains_much_of_a_shape_does_not_take_its_rest",
     ),
+    Mutant(
+        "diagnosis/refits.py",
+        "if there.solved:",
+        "if True:",
+        "tests/test_refits.py::test_an_effect_by_which_rows_are_lost_begins_smaller",
+    ),
+    Mutant(
+        "diagnosis/findings.py",
+        "+ self.by_held.get(n, 0.0)",
+        "",
+        "tests/test_commands_report.py::test_causes_have_one_size_and_what_comes_next",
+    ),
+    Mutant(
+        "diagnosis/refine.py",
+        "and not h.akin(accepted)]",
+        "]",
+        "tests/test_groups.py::test_the_runner_up_is_another_cause",
+    ),
 )
