@@ -70,6 +70,15 @@ def test_formats_give_the_same_table(tmp_path: Path, content: str | bytes) -> No
     assert np.column_stack([found.numbers["x"], found.numbers["y"]]).tolist() == TWO_ROWS
 
 
+def test_blanks_within_cells_part_nothing_where_tabs_do(tmp_path: Path) -> None:
+    """With the last cell empty, a row has as many words as columns: its readings would move one to the right."""
+    found = table(tmp_path, "id\tx [mm]\ty [mm]\tz [mm]\n1\t1,5\t2,5\t5\n1 234\t-3\t4,25\t\n")
+    assert found.notes == ("separator: tab, decimal comma",) and found.texts["id"] == ("1", "1 234")
+    assert found.numbers["x"].tolist() == [1.5, -3.0] and found.numbers["y"].tolist() == [2.5, 4.25]
+    mixed = table(tmp_path, "id\tx y\n1\t1.5 2.5\n2\t-3 4.25\n")  # tabs alone part fewer names
+    assert mixed.numbers["x"].tolist() == [1.5, -3.0] and mixed.numbers["y"].tolist() == [2.5, 4.25]
+
+
 def test_lines_are_those_of_the_file(tmp_path: Path) -> None:
     assert table(tmp_path, SAME["empty lines"]).lines.tolist() == [5, 8]
     assert table(tmp_path, SAME["sep line"]).lines.tolist() == [3, 4]

@@ -161,6 +161,10 @@ class _Trial:
     seen: bool  # some cell tells the decimal mark
 
     @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(split_header(cell).name for cell in self.header)  # without units and blanks before these
+
+    @property
     def rank(self) -> tuple[int, int, int]:
         return self.fitting, -self.failing, len(self.header)
 
@@ -223,12 +227,19 @@ def _trials(header: str, rows: Sequence[str], separators: Iterable[str]) -> list
     return [trial for s, d in pairs if (trial := _try(header, rows, s, d)) is not None]
 
 
+def _without_blanks_in_cells(trials: Sequence[_Trial]) -> list[_Trial]:
+    """Without those that part cells at blanks, where tabs alone part the same names and as many rows: else an id of
+    two words would push the readings of its row aside if the last cell is empty."""
+    by_tabs = {t.names: t.fitting for t in trials if t.separator == "\t"}
+    return [t for t in trials if t.separator != SPACE or by_tabs.get(t.names, -1) < t.fitting]
+
+
 def _choose(header: str, rows: Sequence[str], separators: Sequence[str]) -> _Trial | None:
     """The pair by which most rows fit and fewest cells are no numbers.
 
     One column it is only where nothing but blanks could part the header, and all cells are numbers.
     """
-    trials = _trials(header, rows, separators)
+    trials = _without_blanks_in_cells(_trials(header, rows, separators))
     wide = [t for t in trials if len(t.header) > 1]
     alone = [t for t in trials if len(t.header) == 1 and t.fitting == len(rows)]
     best = max(wide, key=lambda t: t.rank, default=None)
