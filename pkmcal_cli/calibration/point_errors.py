@@ -24,6 +24,10 @@ class PointErrors:
     errors: Array
     expanded: Array
 
+    def of(self, which: NDArray[np.bool_]) -> PointErrors:
+        """Some of the points; which (n,)."""
+        return PointErrors(self.rows[which], self.errors[which], self.expanded[which])
+
     @property
     def worst(self) -> int | None:
         """The point that is furthest off; None without any."""

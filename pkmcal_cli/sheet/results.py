@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from pkmcal_cli.calibration.point_errors import Judged, PointErrors, joined, point_errors
+from pkmcal_cli.calibration.point_errors import Judged, PointErrors, point_errors
+from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.diagnosis.bad_rows import with_rows
 from pkmcal_cli.language.machine import Machine
@@ -19,6 +21,7 @@ from pkmcal_cli.report.diagnosis import DiagnosisReport
 from pkmcal_cli.report.improvement import ImprovementReport
 from pkmcal_cli.report.verification import VerificationReport
 from pkmcal_cli.tables.measurement_set import Measurements
+from pkmcal_cli.units.measurands import Measurand
 from pkmcal_cli.units.unit_text import UNITS, Unit
 
 
@@ -57,34 +60,49 @@ class Results:
     def before(self) -> tuple[PointErrors, str]:
         """Position errors of the calibrated machine without what it lacks, and of which rows they are."""
         if self.improved is not None:
-            return self.improved.improvement.before.points, "rows used neither for fitting nor for selection"
+            points = self._whole_points(self.improved.improvement.before.points)
+            return points, "rows used neither for fitting nor for selection"
         problem = self.calibrated.problem.without(self.calibrated.slipped)
         there = evaluate(problem, self.calibrated.fit.values, ())
         return point_errors(problem, there.residual, problem.measured), "the rows that were fitted"
 
-    @property
+    @cached_property
     def bad_rows(self) -> tuple[int, ...]:
-        """Rows that the search for causes left out."""
-        return () if self.diagnosis is None else self.diagnosis.diagnosis.bad_rows
+        """Rows that the search for causes left out, or of which a robust loss left out values."""
+        if self.improved is None or self.diagnosis is None:
+            return ()
+        left_out = np.nonzero((self._all_rows.measured & ~self.improved.improvement.problem.measured).any(axis=1))[0]
+        return tuple(row for row in left_out.tolist() if row not in self.diagnosis.diagnosis.failed)
 
-    @property
-    def left_out(self) -> PointErrors:
-        """Position errors of rows that are off by themselves, with all that was found; they are not judged."""
-        if self.improved is None:
-            return joined([])
-        made = self.improved.improvement
-        bad = np.array(self.bad_rows, dtype=np.intp)
-        problem = with_rows(made.problem, bad.tolist())
-        there = evaluate(problem, made.fit.values, ())
-        on = problem.measured & np.isin(np.arange(len(problem)), bad)[:, None] & np.isfinite(there.residual)
-        return point_errors(problem, there.residual, on)
+    @cached_property
+    def not_judged(self) -> Mapping[int, float]:
+        """Rows whose positions are not judged, and how far off they are with all that was found, m; nan: unknown."""
+        problem = self._all_rows
+        made = self.calibrated.fit if self.improved is None else self.improved.improvement.fit
+        there = evaluate(problem, made.values, ())
+        on = problem.measured & np.isfinite(there.residual)
+        off = point_errors(problem, there.residual, on)
+        sizes = dict(zip(off.rows.tolist(), off.errors.tolist(), strict=True))
+        measured = problem.measured[:, problem.model.measuring(Measurand.POSITION)].any(axis=1)
+        rows = set(np.nonzero(measured)[0].tolist()) - set(self.before[0].rows.tolist())
+        return {row: sizes.get(row, float("nan")) for row in sorted(rows)}
+
+    @cached_property
+    def _all_rows(self) -> Problem:
+        """The last fit's problem with all that was measured."""
+        problem = self.calibrated.problem if self.improved is None else self.improved.improvement.problem
+        return with_rows(problem, list(range(len(problem))))
+
+    def _whole_points(self, points: PointErrors) -> PointErrors:
+        """Those of which no coordinate was left out: else a point that is far off would pass by the others."""
+        return points.of(~np.isin(points.rows, self.bad_rows))
 
     @property
     def expected(self) -> PointErrors | None:
         """The same with the effects that the search added and the report rows confirm; None without any."""
         if self.improved is None or not self.improved.improvement.confirmed:
             return None
-        return self.improved.improvement.after.points
+        return self._whole_points(self.improved.improvement.after.points)
 
     @property
     def judged(self) -> Judged | None:

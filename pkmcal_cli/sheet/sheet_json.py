@@ -6,6 +6,7 @@ from typing import Any
 
 from pkmcal_cli.diagnosis.findings import Finding
 from pkmcal_cli.report.figures import figures_json
+from pkmcal_cli.report.number_format import finite
 from pkmcal_cli.report.verification import tolerance_json
 from pkmcal_cli.sheet.acceptance import Acceptance
 from pkmcal_cli.sheet.results import Results
@@ -26,6 +27,7 @@ def sheet_json(results: Results, figures: Acceptance | None) -> dict[str, Any]:
         "headline": judgement.headline,
         "lines": list(judgement.lines),
         "tolerance": None if judged is None else tolerance_json(judged, results.length_unit, row_origin),
+        "not_judged": [] if judged is None or results.verified is not None else _not_judged(results),
         "errors": {
             "as_built": figures_json(machine, report.before),
             "calibrated": figures_json(machine, report.after),
@@ -37,6 +39,16 @@ def sheet_json(results: Results, figures: Acceptance | None) -> dict[str, Any]:
         "after": None if results.verified is None else results.verified.json(),
         "acceptance": None if figures is None else figures.json(),
     }
+
+
+def _not_judged(results: Results) -> list[dict[str, Any]]:
+    """Rows that the verdict is not about, each with how far it is off."""
+    m, unit = results.measured, results.length_unit
+    return [
+        {"file": m.files[m.file_index[row]], "line": int(m.line[row]), "id": m.ids[row] or None}
+        | {"error": finite(size / unit.scale)}
+        for row, size in results.not_judged.items()
+    ]
 
 
 def _cause(results: Results, finding: Finding) -> dict[str, Any]:

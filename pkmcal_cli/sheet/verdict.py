@@ -26,13 +26,23 @@ def verdict(results: Results) -> Verdict:
     """By the tolerance (ISO 14253-1) where there is one, else by the second table, else by what the search found."""
     if not results.calibrated.usable:
         first, *reasons = results.calibrated.verdict().splitlines()
-        return Verdict("IMPLAUSIBLE", first, tuple(reasons))
+        return Verdict("IMPLAUSIBLE", first.removeprefix("IMPLAUSIBLE, "), tuple(reasons))  # the word stands first
     judged = results.judged
     if judged is None:
         return Verdict(_word(results), "; ".join([_error(results), *_causes(results)]), tuple(_lines(results)))
-    worst = _worst(results, judged)
+    word, worst, doubtful = _BY_TOLERANCE[judged.verdict], _worst(results, judged), _doubtful(results, judged)
+    if word == "PASS" and doubtful:
+        word, worst = "UNDECIDED", f"{worst}, but {count(doubtful, 'point')} may be further off"
     lines = [_judged_error(results, judged), _share(results, judged), *_not_judged(results), *_lines(results)]
-    return Verdict(_BY_TOLERANCE[judged.verdict], "; ".join([worst, *_causes(results)]), tuple(lines))
+    return Verdict(word, "; ".join([worst, *_causes(results)]), tuple(lines))
+
+
+def _doubtful(results: Results, judged: Judged) -> int:
+    """How many points are not judged that might not pass: not predicted, or off by more than the tolerance leaves."""
+    if results.verified is not None:
+        return len(results.verified.verification.failed)
+    most = judged.tolerance - float(np.max(judged.points.expanded, initial=0.0))
+    return sum(not size <= most for size in results.not_judged.values())
 
 
 def _word(results: Results) -> Word:
@@ -135,17 +145,22 @@ def _share(results: Results, judged: Judged) -> str:
 
 
 def _not_judged(results: Results) -> list[str]:
-    """Rows that are off by themselves: the verdict is not about them."""
-    bad, left_out = results.bad_rows, results.left_out
-    if not bad or results.verified is not None:
+    """Rows that the verdict is not about: off by themselves, or not predicted."""
+    if results.verified is not None or not results.not_judged:
         return []
-    off = dict(zip(left_out.rows.tolist(), left_out.errors.tolist(), strict=True))
-    named = [f"{results.row_text(row)}{f', {results.length_text(off[row])} off' if row in off else ''}" for row in bad]
-    it, these = ("it", "this pose") if len(bad) == 1 else ("them", "these poses")
-    return [
-        f"Not judged: {listed(named, _MOST_ROWS)}, by more than any cause explains (a slip of the measurement?). "
-        f"The verdict is without {it}: measure {these} again."
-    ]
+    off = {row: f", {results.length_text(size)} off" for row, size in results.not_judged.items() if np.isfinite(size)}
+    bad = [row for row in results.not_judged if row in results.bad_rows]
+    lines, others = [], [results.row_text(row) for row in results.not_judged if row not in bad]
+    if bad:
+        named = listed([f"{results.row_text(row)}{off.get(row, '')}" for row in bad], _MOST_ROWS)
+        it, these = ("it", "this pose") if len(bad) == 1 else ("them", "these poses")
+        lines.append(
+            f"Not judged: {named}, by more than any cause explains (a slip of the measurement?). "
+            f"The verdict is without {it}: measure {these} again."
+        )
+    if others:
+        lines.append(f"Not judged, as the identified parameters do not predict them: {listed(others, _MOST_ROWS)}.")
+    return lines
 
 
 def _judged_error(results: Results, judged: Judged) -> str:

@@ -272,4 +272,11 @@ INFERENCE = (
         "]",
         "tests/test_groups.py::test_the_runner_up_is_another_cause",
     ),
+    Mutant(
+        "sheet/results.py",
+        "return points.of(~np.isin(points.rows, self.bad_rows))",
+        "return points",
+        "tests/test_rows_not_judged.py",
+    ),
+    Mutant("sheet/verdict.py", "sum(not size <= most", "sum(size > most", "tests/test_rows_not_judged.py"),
 )

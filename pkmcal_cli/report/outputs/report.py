@@ -26,9 +26,9 @@ REPORT = Output(
     "report",
     f"""
 verdict pass|fail|undecided|confirmed|changed|clean|found|unknown|implausible|done: with a tolerance `pass`, `fail` or
-    `undecided` (ISO 14253-1); else with `--after` `confirmed` or `changed` (the identified parameters predict these
-    rows, or do not); else `clean`, `found`, `unknown` by the search for causes, `done` without one; `implausible`: the
-    calibration should not be believed
+    `undecided` (ISO 14253-1; `undecided` too if a row that is not judged may be further off); else with `--after`
+    `confirmed` or `changed` (the identified parameters predict these rows, or do not); else `clean`, `found`,
+    `unknown` by the search for causes, `done` without one; `implausible`: the calibration should not be believed
 file text: the page
 headline text: the verdict in a sentence
 lines[] text: what it rests on
@@ -43,6 +43,11 @@ tolerance.largest.line integer?:
 tolerance.largest.id text?:
 tolerance.largest.error number: its distance from the predicted point, in `unit`
 tolerance.largest.expanded_uncertainty number: of the instrument (k = 2)
+not_judged[].file text: rows that the verdict by a tolerance is not about: left out by the search or by a robust loss,
+    or not predicted
+not_judged[].line integer:
+not_judged[].id text?:
+not_judged[].error number?: how far it is off with all that was found, in the tolerance's `unit`; null if not predicted
 {_figures("as_built", "with nominal parameters, fitted rows")}
 {_figures("calibrated", "calibrated, fitted rows")}
 {_figures("held_out?", "calibrated, held-out rows; null without")}

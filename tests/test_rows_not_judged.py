@@ -1,0 +1,54 @@
+"""A sheet judges no point by a part of its coordinates, and passes no machine over points that it does not judge."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.command import MACHINES, SCISSORS, run
+
+BAD, SHIFT = (3, 40, 78), 0.03  # lines of cells, and by how much x is misread in them, mm
+
+
+def spoilt(folder: Path) -> Path:
+    """The Scissors' table with three misread values of x, sixty times the noise of 0.5 um."""
+    lines = (MACHINES / "scissors.csv").read_text(encoding="utf-8").splitlines()
+    rows = [line.split(",") for line in lines if not line.startswith("#")]
+    x = next(k for k, name in enumerate(rows[0]) if name.startswith("x"))
+    for row in BAD:
+        rows[row][x] = f"{float(rows[row][x]) + SHIFT:.6f}"
+    table = folder / "t.csv"
+    table.write_text("\n".join(",".join(row) for row in rows) + "\n", encoding="utf-8")
+    return table
+
+
+@pytest.mark.parametrize(("tolerance", "code", "verdict"), [("5 um", 1, "undecided"), ("50 um", 0, "pass")])
+def test_a_point_of_which_a_loss_leaves_out_one_coordinate_does_not_pass_by_the_other(
+    tolerance: str, code: int, verdict: str, tmp_path: Path
+) -> None:
+    asked = ("--loss", "tukey", "--tolerance", tolerance, "-o", tmp_path / "s.html", "--json", "-q")
+    done = run("report", SCISSORS, spoilt(tmp_path), *asked)
+    found = done.json
+    assert (done.code, found["verdict"]) == (code, verdict)
+    assert [row["line"] for row in found["not_judged"]] == [row + 1 for row in BAD]
+    assert all(row["error"] == pytest.approx(1e3 * SHIFT, abs=2.0) for row in found["not_judged"])
+    assert found["tolerance"]["n_pass"] == 80 - len(BAD)
+    (told,) = (line for line in found["lines"] if line.startswith("Not judged"))
+    assert all(f"t.csv:{row + 1}" in told for row in BAD)
+    assert ("3 points may be further off" in found["headline"]) == (verdict == "undecided")
+
+
+def test_a_row_that_nothing_predicts_leaves_the_verdict_open(tmp_path: Path) -> None:
+    """One reading of a drive is out of the machine's reach."""
+    lines = (MACHINES / "triglide-nonredundant.csv").read_text(encoding="utf-8").splitlines()
+    rows = [line.split(",") for line in lines if not line.startswith("#")][:25]
+    drive = next(k for k, name in enumerate(rows[0]) if name.startswith("q2"))
+    rows[12][drive] = f"{float(rows[12][drive]) + 2000:.6f}"
+    table = tmp_path / "t.csv"
+    table.write_text("\n".join(",".join(row) for row in rows) + "\n", encoding="utf-8")
+    asked = ("--tolerance", "1 mm", "-o", tmp_path / "s.html", "--json", "-q")
+    done = run("report", MACHINES / "triglide-nonredundant.yaml", table, *asked)
+    assert (done.code, done.json["verdict"]) == (1, "undecided"), done.err
+    assert [(row["line"], row["error"]) for row in done.json["not_judged"]] == [(13, None)]
+    assert any("do not predict them: t.csv:13" in line for line in done.json["lines"])
