@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.command import environment
+from tests.command import MACHINES, environment, run
 from tests.hostile import file_operations
 from tests.hostile.broken_disk import HOWS
 from tests.hostile.file_commands import COMMANDS, prepare
@@ -53,6 +53,13 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_file_operation_that_fails_leaves_no_torn_file(command: str, inputs: Path) -> None:
     count, faults = file_operations.faults(command, inputs)
     assert count >= 7 * len(HOWS) and not faults
+
+
+@pytest.mark.parametrize("command", [name for name, each in COMMANDS.items() if not each.fast and not each.before])
+def test_the_others_are_commands_that_end_well(command: str, inputs: Path, tmp_path: Path) -> None:
+    """Disturbing all their operations takes an hour; a command line that is refused would be found only then."""
+    done = run(*(word.format(o=tmp_path, i=inputs, m=MACHINES) for word in COMMANDS[command].command.split()))
+    assert done.code == 0, done.err
 
 
 @pytest.mark.slow

@@ -114,7 +114,9 @@ COMMANDS: dict[str, Writing] = {
         accepted=_own_table("c.csv"),
     ),
     "plan": Writing(
-        command=f"plan {_TABLE} --points 2 -o {{o}}/n.csv", groups=(_table("n.csv"),), accepted=_own_table("n.csv")
+        command=f"plan {_TABLE} --aim uncertainty --points 2 -o {{o}}/n.csv",
+        groups=(_table("n.csv"),),
+        accepted=_own_table("n.csv"),
     ),
     "plan --as checklist": Writing(command=f"plan {_TABLE} --as checklist -o {{o}}/n.txt", groups=(("n.txt",),)),
     "plan --as gcode": Writing(
