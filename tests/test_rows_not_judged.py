@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from tests.command import MACHINES, SCISSORS, run
 
-BAD, SHIFT = (3, 40, 78), 0.03  # lines of cells, and by how much x is misread in them, mm
+BAD, SHIFT = (3, 40, 78), 0.03  # rows, and by how much x is misread in them, mm: sixty times the noise
 
 
-def spoilt(folder: Path) -> Path:
-    """The Scissors' table with three misread values of x, sixty times the noise of 0.5 um."""
+def spoilt(folder: Path, cell: Callable[[str], str]) -> Path:
+    """The Scissors' table with three values of x changed."""
     lines = (MACHINES / "scissors.csv").read_text(encoding="utf-8").splitlines()
     rows = [line.split(",") for line in lines if not line.startswith("#")]
     x = next(k for k, name in enumerate(rows[0]) if name.startswith("x"))
     for row in BAD:
-        rows[row][x] = f"{float(rows[row][x]) + SHIFT:.6f}"
+        rows[row][x] = cell(rows[row][x])
     table = folder / "t.csv"
     table.write_text("\n".join(",".join(row) for row in rows) + "\n", encoding="utf-8")
     return table
@@ -28,7 +29,8 @@ def test_a_point_of_which_a_loss_leaves_out_one_coordinate_does_not_pass_by_the_
     tolerance: str, code: int, verdict: str, tmp_path: Path
 ) -> None:
     asked = ("--loss", "tukey", "--tolerance", tolerance, "-o", tmp_path / "s.html", "--json", "-q")
-    done = run("report", SCISSORS, spoilt(tmp_path), *asked)
+    table = spoilt(tmp_path, lambda cell: f"{float(cell) + SHIFT:.6f}")
+    done = run("report", SCISSORS, table, *asked)
     found = done.json
     assert (done.code, found["verdict"]) == (code, verdict)
     assert [row["line"] for row in found["not_judged"]] == [row + 1 for row in BAD]
@@ -52,3 +54,16 @@ def test_a_row_that_nothing_predicts_leaves_the_verdict_open(tmp_path: Path) -> 
     assert (done.code, done.json["verdict"]) == (1, "undecided"), done.err
     assert [(row["line"], row["error"]) for row in done.json["not_judged"]] == [(13, None)]
     assert any("do not predict them: t.csv:13" in line for line in done.json["lines"])
+
+
+def test_points_of_which_a_coordinate_is_missing_are_judged_by_the_others_and_said_to_be(tmp_path: Path) -> None:
+    told = "3 points measured only in a part of the coordinates: judged by these alone."
+    table = spoilt(tmp_path, lambda _: "")
+    done = run("report", SCISSORS, table, "--tolerance", "5 um", "-o", tmp_path / "s.html", "--json", "-q")
+    assert (done.code, done.json["verdict"], done.json["not_judged"]) == (0, "pass", [])
+    assert done.json["tolerance"]["n_pass"] == 80 and any(told in line for line in done.json["lines"])
+    assert run("calibrate", SCISSORS, table, "-o", tmp_path / "p.yaml", "-q").code == 0
+    again = run("check", SCISSORS, table, "-p", tmp_path / "p.yaml", "--tolerance", "5 um")
+    assert again.code == 0 and told in again.out + again.err
+    whole = run("check", SCISSORS, MACHINES / "scissors.csv", "-p", tmp_path / "p.yaml", "--tolerance", "5 um")
+    assert whole.code == 0 and "in a part of" not in whole.out + whole.err

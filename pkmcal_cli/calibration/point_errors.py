@@ -39,11 +39,8 @@ def point_errors(problem: Problem, errors: Array, on: NDArray[np.bool_]) -> Poin
 
     U is twice the standard uncertainty of the instrument along the error (its largest where there is none).
     """
-    by_point: dict[int, list[int]] = {}
-    for k in problem.model.measuring(Measurand.POSITION):
-        by_point.setdefault(problem.model.channels[k].index, []).append(k)
     rows, sizes, expanded = [], [], []
-    for columns in by_point.values():
+    for columns in _by_point(problem):
         for row in np.nonzero(on[:, columns].any(axis=1))[0]:
             used = [k for k in columns if on[row, k]]
             e, noise = errors[row, used], problem.noise[row][np.ix_(used, used)]
@@ -53,6 +50,24 @@ def point_errors(problem: Problem, errors: Array, on: NDArray[np.bool_]) -> Poin
             sizes.append(size)
             expanded.append(K * float(np.sqrt(variance)))
     return PointErrors(np.array(rows, dtype=np.intp), np.array(sizes), np.array(expanded))
+
+
+def partly_measured(problem: Problem, rows: NDArray[np.intp]) -> int:
+    """How many points in these rows lack a coordinate that is measured of the same point in other rows."""
+    count = 0
+    for columns in _by_point(problem):
+        there = problem.measured[:, columns]
+        there = there[:, there.any(axis=0)][np.unique(rows)]  # (points, coordinates that are measured at all)
+        count += int(np.count_nonzero(there.any(axis=1) & ~there.all(axis=1)))
+    return count
+
+
+def _by_point(problem: Problem) -> list[list[int]]:
+    """Channels of each measured point."""
+    by_point: dict[int, list[int]] = {}
+    for k in problem.model.measuring(Measurand.POSITION):
+        by_point.setdefault(problem.model.channels[k].index, []).append(k)
+    return list(by_point.values())
 
 
 def joined(parts: Sequence[PointErrors]) -> PointErrors:

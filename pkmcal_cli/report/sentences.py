@@ -14,6 +14,8 @@ STANDS_ANYWHERE = (
     "machine as a whole is cannot be judged."
 )
 
+PARTLY = "{points} measured only in a part of the coordinates: judged by these alone."
+
 _NOUNS: dict[Entry, str] = {
     "command": "drive",
     "drive_force": "drive",

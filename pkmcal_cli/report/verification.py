@@ -9,13 +9,13 @@ import numpy as np
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.fitted_frames import stands_anywhere
-from pkmcal_cli.calibration.point_errors import Judged, K
+from pkmcal_cli.calibration.point_errors import Judged, K, partly_measured
 from pkmcal_cli.calibration.verification import Verification
 from pkmcal_cli.loading.poses import RowOrigin
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.failed_rows import FailedRows
 from pkmcal_cli.report.number_format import finite, readable
-from pkmcal_cli.report.sentences import STANDS_ANYWHERE
+from pkmcal_cli.report.sentences import PARTLY, STANDS_ANYWHERE
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _LISTED = 20
@@ -61,6 +61,9 @@ class VerificationReport:
         (to.say if self.ok else to.fail)(self.verdict)
         if self.judged is not None and not v.compatible and v.dof > 0:
             to.warn(f"warning: NOT COMPATIBLE with the parameters: p {v.p_value:.2g}; something has changed")
+        partly = 0 if self.judged is None else partly_measured(v.problem, self.judged.points.rows)
+        if partly:
+            to.say(PARTLY.format(points=count(partly, "point")))
         if v.refitted:
             to.notes([f"fitted to these rows: {', '.join(v.refitted)}"])
         if stands_anywhere(v.problem):

@@ -71,13 +71,13 @@ class Results:
         """Rows that the search for causes left out, or of which a robust loss left out values."""
         if self.improved is None or self.diagnosis is None:
             return ()
-        left_out = np.nonzero((self._all_rows.measured & ~self.improved.improvement.problem.measured).any(axis=1))[0]
+        left_out = np.nonzero((self.all_rows.measured & ~self.improved.improvement.problem.measured).any(axis=1))[0]
         return tuple(row for row in left_out.tolist() if row not in self.diagnosis.diagnosis.failed)
 
     @cached_property
     def not_judged(self) -> Mapping[int, float]:
         """Rows whose positions are not judged, and how far off they are with all that was found, m; nan: unknown."""
-        problem = self._all_rows
+        problem = self.all_rows
         made = self.calibrated.fit if self.improved is None else self.improved.improvement.fit
         there = evaluate(problem, made.values, ())
         on = problem.measured & np.isfinite(there.residual)
@@ -88,7 +88,7 @@ class Results:
         return {row: sizes.get(row, float("nan")) for row in sorted(rows)}
 
     @cached_property
-    def _all_rows(self) -> Problem:
+    def all_rows(self) -> Problem:
         """The last fit's problem with all that was measured."""
         problem = self.calibrated.problem if self.improved is None else self.improved.improvement.problem
         return with_rows(problem, list(range(len(problem))))

@@ -6,8 +6,8 @@ import numpy as np
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.fitted_frames import stands_anywhere
-from pkmcal_cli.calibration.point_errors import Judged, point_errors
-from pkmcal_cli.report.sentences import STANDS_ANYWHERE, listed
+from pkmcal_cli.calibration.point_errors import Judged, partly_measured, point_errors
+from pkmcal_cli.report.sentences import PARTLY, STANDS_ANYWHERE, listed
 from pkmcal_cli.report.verification import VerificationReport
 from pkmcal_cli.sheet.content import Verdict, Word
 from pkmcal_cli.sheet.results import Results
@@ -136,8 +136,11 @@ def _share(results: Results, judged: Judged) -> str:
         which += ", each predicted by a calibration and a search without its part of the table"
     u = unit.from_si(float(np.max(points.expanded, initial=0.0)))
     share = 100 * u / unit.from_si(limit)
+    problem = results.all_rows if results.verified is None else results.verified.verification.problem
+    partly = partly_measured(problem, points.rows)
+    in_part = f" {PARTLY.format(points=count(partly, 'point'))}" if partly else ""
     return (
-        f"ISO 14253-1, {count(len(points.rows), 'point')} of {which}: {sums}. "
+        f"ISO 14253-1, {count(len(points.rows), 'point')} of {which}: {sums}.{in_part} "
         f"Instrument: U = {u:.2g} {unit.text} (k = 2), {share:.2g} % of the tolerance: a point passes up to "
         f"{unit.from_si(limit) - u:.3g} {unit.text}, fails beyond {unit.from_si(limit) + u:.3g} {unit.text}; "
         "the machine passes if every point does."
