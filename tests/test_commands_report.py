@@ -148,6 +148,17 @@ def test_causes_have_one_size_and_what_comes_next(shopfloor: tuple[dict[str, Any
     assert re.search(r"Next best: thermal_\w+@\w+ in the place of thermal_strut@all \(odds of \d+ : 1", words)
 
 
+def test_where_was_measured_is_said(shopfloor: tuple[dict[str, Any], str, int]) -> None:
+    """As the table has it: places in mm, the hall in degC, four hours."""
+    words = " ".join(" ".join(Page(shopfloor[1]).words).split())
+    found = re.search(r"Measured: 80 rows, x (\S+) to (\S+) mm, y .* mm, T (\S+) to (\S+) degC, within (\S+) h", words)
+    table = exercise.shopfloor()
+    x, warm, time = 1e3 * table.readings[:, 0], table.conditions.temperature, table.conditions.time
+    assert found is not None
+    ends = [x.min(), x.max(), warm.min(), warm.max(), np.ptp(time) / 3600]
+    assert [float(v) for v in found.groups()] == pytest.approx(ends, rel=1e-2)
+
+
 def test_the_page_stands_alone(shopfloor: tuple[dict[str, Any], str, int]) -> None:
     _, text, _ = shopfloor
     page = Page(text)

@@ -30,7 +30,8 @@ _MM_PER_MIN = 60e3  # of 1 m/s
 _AXIS = ("A", "R", "E", "M", "B")
 _LINE = ("E", "M", "B")
 _ALONG = (
-    "E, M and B are of deviations along the axis on this line alone, so they are less than the largest distance "
+    "E: range of the deviations along the axis from either side, M: range of the means of both sides, B: largest "
+    "difference between the sides (ISO 230-2). They are of this line alone, so they are less than the largest distance "
     "between measured and nominal points in the whole workspace (above: errors as built)."
 )
 _COMMANDED_BY = {"as built": "the nominal parameters", "after correction": "the identified parameters"}

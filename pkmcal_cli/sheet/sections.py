@@ -16,6 +16,7 @@ from pkmcal_cli.sheet.acceptance import Acceptance
 from pkmcal_cli.sheet.causes import causes
 from pkmcal_cli.sheet.content import Block, Section, Sheet, Table, Text, section
 from pkmcal_cli.sheet.figures import drawing, identified, maps, steps
+from pkmcal_cli.sheet.measured_region import measured_region
 from pkmcal_cli.sheet.recorder import Recorder
 from pkmcal_cli.sheet.results import Results
 from pkmcal_cli.sheet.verdict import verdict
@@ -24,6 +25,10 @@ _IDENTIFIED = ("-p", "params.yaml")
 _STANDS_FOR = (
     " An identified value stands for the errors of parameters that are not identified as well, and its uncertainty "
     "includes them; so it may be wider than the range. At the tool most of that cancels."
+)
+_ABSORBED = (
+    "Absorbed by: these identified parameters take up most of such an effect, so that it hardly shows in the measured "
+    "region. Beyond it, or under other loads, it may."
 )
 _FILES = (
     "`improve` writes improved.yaml and improved.params.yaml. TARGETS.csv lists the poses that are wanted, one a row, "
@@ -82,7 +87,9 @@ def errors(results: Results) -> Section | None:
     elif not isinstance(held, str):
         rows += _figures(results, "calibrated", "held out", held.after)
     table = Table("", ("state", "on", "error", "rms", "largest"), tuple(rows), left=3)
-    return section("errors", "Errors before and after", [table, Text(remark, "note"), *maps(results), steps(results)])
+    region = measured_region(report.problem, results.machine.file_units.length)
+    notes = [Text(remark, "note"), Text(region, "note")] if region else [Text(remark, "note")]
+    return section("errors", "Errors before and after", [table, *notes, *maps(results), steps(results)])
 
 
 def _figures(results: Results, state: str, on: str, figures: Mapping[str, ErrorFigures]) -> list[tuple[str, ...]]:
@@ -157,6 +164,8 @@ def not_seen(results: Results) -> Section | None:
         report.show_seen(recorder)
     report.show_unseen(recorder)
     blocks: list[Block] = list(recorder.blocks) or [Text("Every effect of the catalogue would have been seen.")]
+    if any(seen.absorbed_by for seen in report.diagnosis.invisible):
+        blocks.append(Text(_ABSORBED, "note"))
     return section("not-seen", "What could not be seen", blocks)
 
 

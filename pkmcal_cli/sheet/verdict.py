@@ -133,7 +133,8 @@ def _share(results: Results, judged: Judged) -> str:
     sums = ", ".join(f"{int(part.sum())} {word}" for part, word in parts)
     which = "the table measured after correction" if results.verified is not None else results.before[1]
     if results.verified is None and results.improved is not None:
-        which += ", each predicted by a calibration and a search without its part of the table"
+        turns = results.improved.improvement.rotations
+        which += f" ({turns} parts of the table in turn, each predicted by a calibration and a search in the others)"
     u = unit.from_si(float(np.max(points.expanded, initial=0.0)))
     share = 100 * u / unit.from_si(limit)
     problem = results.all_rows if results.verified is None else results.verified.verification.problem
@@ -158,7 +159,8 @@ def _not_judged(results: Results) -> list[str]:
         named = listed([f"{results.row_text(row)}{off.get(row, '')}" for row in bad], _MOST_ROWS)
         it, these = ("it", "this pose") if len(bad) == 1 else ("them", "these poses")
         lines.append(
-            f"Not judged: {named}, by more than any cause explains (a slip of the measurement?). "
+            f"Not judged: {named}, by more than any cause explains (a slip of the measurement, or in its columns?), "
+            "from what the machine with all that was found predicts. "
             f"The verdict is without {it}: measure {these} again."
         )
     if others:
@@ -175,6 +177,8 @@ def _judged_error(results: Results, judged: Judged) -> str:
     where = "" if k is None else f", largest at {results.row_origin(int(judged.points.rows[k]))}"
     built = results.calibrated.before.get("position")
     old = "" if built is None else f" As built (nominal dimensions): {results.length_text(built.largest)} at most."
+    if results.verified is None:
+        old += " The verdict is of a control that uses the identified parameters, or corrected set values."
     return f"Judged: position errors of {state}{where}.{old}"
 
 
