@@ -74,7 +74,7 @@ _ATTACK = (
 )
 _NIST = "NIST StRD regressions through the fit itself, from both starts: four digits, or an honest status"
 CHECKS: Mapping[str, Check] = {
-    "fuzz": Check(_FUZZ, "fuzz 1000000 100000", 3),
+    "fuzz": Check(_FUZZ, "fuzz 100000 100000", 3),
     "file operations": Check(_DISK, "file_operations"),
     "file operations, a part": Check("the same of three commands", "file_operations new schema simulate"),
     "attacks": Check(_ATTACK, "attacks"),
