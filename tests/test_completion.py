@@ -12,6 +12,7 @@ from pkmcal_cli.loading.names import names_in
 from tests.command import MACHINES, ROOT, TRIGLIDE, process, run
 
 PLACES = ("q1", "q2", "q3", "tracker")
+DELTA = str(MACHINES / "delta-printer.yaml")
 OVERLAY = str(MACHINES / "triglide-nonredundant.yaml")
 
 
@@ -37,6 +38,9 @@ def test_commands_and_options(tmp_path: Path) -> None:
         (f"pkmcal calibrate {TRIGLIDE} x.csv --select xb1", ["xb1r"]),
         (f"pkmcal calibrate {TRIGLIDE} x.csv --select auto,-yb", ["auto,-yb1r", "auto,-yb2r", "auto,-yb3r"]),
         (f"pkmcal calibrate {TRIGLIDE} x.csv --select l1,l", ["l1,l2", "l1,l3"]),
+        ("pkmcal calibrate triglide x.csv --select l1,l", ["l1,l2", "l1,l3"]),
+        (f"pkmcal calibrate {DELTA} x.csv --select auto,-stop", ["auto,-stop1", "auto,-stop2", "auto,-stop3"]),
+        (f"pkmcal observability {DELTA} --offset q", ["q1=", "q2=", "q3="]),
         (f"pkmcal observability {TRIGLIDE} --offset q", ["q1=", "q2=", "q3="]),
         (f"pkmcal plan {TRIGLIDE} --aim backlash@q", ["backlash@q1", "backlash@q2", "backlash@q3"]),
         (f"pkmcal improve {TRIGLIDE} x.csv --only drift@t", ["drift@tracker"]),

@@ -67,3 +67,12 @@ def test_points_of_which_a_coordinate_is_missing_are_judged_by_the_others_and_sa
     assert again.code == 0 and told in again.out + again.err
     whole = run("check", SCISSORS, MACHINES / "scissors.csv", "-p", tmp_path / "p.yaml", "--tolerance", "5 um")
     assert whole.code == 0 and "in a part of" not in whole.out + whole.err
+
+
+def test_with_an_instrument_as_uncertain_as_the_tolerance_no_point_can_pass(tmp_path: Path) -> None:
+    """U of the Scissors' grid encoder is 1 um."""
+    asked = ("--tolerance", "1 um", "-o", tmp_path / "s.html", "--json", "-q")
+    done = run("report", SCISSORS, MACHINES / "scissors.csv", *asked)
+    assert done.code == 1 and done.json["tolerance"]["n_pass"] == 0
+    (line,) = (line for line in done.json["lines"] if "Instrument:" in line)
+    assert "100 % of the tolerance: no point can pass, one fails beyond 2 um" in line

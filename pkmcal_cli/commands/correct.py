@@ -10,7 +10,7 @@ from pkmcal_cli.commands._options import (
     Dwell,
     Feed,
     Force,
-    Grid,
+    GridOfTargets,
     Json,
     MachineFile,
     Parameters,
@@ -30,7 +30,7 @@ def correct(
     targets: Annotated[
         str | None, typer.Argument(metavar="TARGETS.csv", help="Wanted TCP coordinates; - is stdin.")
     ] = None,
-    grid: Grid = None,
+    grid: GridOfTargets = None,
     parameters: Parameters = None,
     at: Annotated[
         str | None, typer.Option("--at", metavar='"T=23,payload=40"', help='Circumstances; "T=23 +- 0.5": how sure.')

@@ -16,6 +16,7 @@ _COMMANDS = (
     "The rows after correction are compared with what the identified parameters predict for the set values in the "
     "table: the machine meets its targets as well as this only if these set values were corrected (`correct`)."
 )
+_ALL = 99.9  # % of a tolerance: an instrument as uncertain as it leaves nothing
 _MOST_ROWS = 4  # that are named
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 _BY_TOLERANCE: dict[str, Word] = {"pass": "PASS", "fail": "FAIL", "undecided": "UNDECIDED"}
@@ -138,12 +139,14 @@ def _share(results: Results, judged: Judged) -> str:
     u = unit.from_si(float(np.max(points.expanded, initial=0.0)))
     share = 100 * u / unit.from_si(limit)
     problem = results.all_rows if results.verified is None else results.verified.verification.problem
+    room = unit.from_si(limit) - u
+    passes = f"a point passes up to {room:.3g} {unit.text}," if share < _ALL else "no point can pass, one"
     partly = partly_measured(problem, points.rows)
     in_part = f" {PARTLY.format(points=count(partly, 'point'))}" if partly else ""
     return (
         f"ISO 14253-1, {count(len(points.rows), 'point')} of {which}: {sums}.{in_part} "
-        f"Instrument: U = {u:.2g} {unit.text} (k = 2), {share:.2g} % of the tolerance: a point passes up to "
-        f"{unit.from_si(limit) - u:.3g} {unit.text}, fails beyond {unit.from_si(limit) + u:.3g} {unit.text}; "
+        f"Instrument: U = {u:.2g} {unit.text} (k = 2), {float(f'{share:.2g}'):g} % of the tolerance: {passes} fails "
+        f"beyond {unit.from_si(limit) + u:.3g} {unit.text}; "
         "the machine passes if every point does."
     )
 

@@ -77,7 +77,7 @@ failed[].reason text: why it has no prediction
 loss text: as asked for by `--loss`
 prior text: as asked for by `--prior`: of the identified parameters, not of effects
 machine text?: file of the improved machine; null if nothing was written
-parameters text: file of its parameters
+parameters text?: file of its parameters; null without `-o`
 gates[].gate text: a limit of `--fail-above` or `--max-rms`, as written
 gates[].what text: what it is held against
 gates[].value number?: in `unit`; null where it is not known (the limit is then missed)
