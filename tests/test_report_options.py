@@ -16,6 +16,7 @@ from tests.command import SCISSORS, SHOPFLOOR, run
         (("--tolerance", "-5 um"), "--tolerance"),
         (("--circle-feed", "0"), "--circle-feed"),
         (("-o", "-", "--json"), "--json"),
+        (("-o", "sheet.pdf"), "a sheet is an HTML page"),
         (("--after", "-"), "stdin"),
     ],
 )

@@ -203,7 +203,7 @@ class CalibrationReport:
         if not self._held_head:
             return ()
         unit = "" if row.unit == "1" else f" {row.unit}"
-        return ("-" if row.by_held is None else f"{row.by_held:.2g}{unit}",)
+        return ("-" if row.by_held is None else f"{float(f'{row.by_held:.2g}'):.6g}{unit}",)
 
     @property
     def _interval_head(self) -> tuple[str, ...]:

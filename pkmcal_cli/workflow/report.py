@@ -38,6 +38,7 @@ from pkmcal_cli.workflow.search_case import CaseRequest
 from pkmcal_cli.workflow.verify import tolerance_of, verify
 
 _MM_PER_MIN = 60e3  # of 1 m/s
+_NO_PAGES = (".pdf", ".png", ".svg", ".csv", ".json", ".yaml", ".docx")  # what a page would be taken for by its name
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,6 +167,9 @@ def _checked(request: ReportRequest) -> tuple[float, Unit] | None:
         raise UsageError(message, hint="give the machine and the tables as files")
     if request.circle_feed is not None and not request.circle_feed > 0:
         raise UsageError("--circle-feed: not a positive feed", hint="give mm/min, e.g. `--circle-feed 1000`")
+    if os.path.splitext(request.output)[1].lower() in _NO_PAGES:
+        hint = "write FILE.html; a browser prints it, or saves it as PDF"
+        raise UsageError(f"-o: `{request.output}`: a sheet is an HTML page", hint=hint)
     check_target(request.output, present(*files), force=request.force)
     return tolerance_of(request.tolerance)
 
