@@ -38,8 +38,7 @@ Number k of the fuzz is the same input on every computer; others: `python -m tes
 Known: a fit to a table whose columns are wrong, such as two that are exchanged or one in another unit, can take half a
 minute on machines with redundant drives, as rows that cannot be assembled are tried in every step; such fits are left
 out of the fuzz. Of the 100,000 commands of the slow run 8 took 26 to 165 s beside other work; of these and a ninth,
-seven took less than 12 s of processor time when they were run again after a mend, and two 27 and 30 s. The one fault in
-the row above is the clock: 22.6 s beside a run of all tests, 3.5 s of processor time by itself.
+seven took less than 12 s of processor time when they were run again after a mend, and two 27 and 30 s.
 """
 
 
