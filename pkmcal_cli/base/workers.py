@@ -42,12 +42,11 @@ class Workers:
         Raises what a task raises, and PkmcalError where workers are lost again and again.
         """
         if self.cluster is None and (self.jobs == 1 or len(numbers) < 2):
-            for k, number in enumerate(numbers):
-                stage = Stage(name, k, len(numbers))
-                observe(stage)
-                with one_thread():
-                    result = work(number, within(observe, stage))
-                yield {number: result}
+            with one_thread():
+                for k, number in enumerate(numbers):
+                    stage = Stage(name, k, len(numbers))
+                    observe(stage)
+                    yield {number: work(number, within(observe, stage))}
             return
         from pkmcal_cli.base.processes import in_batches
 

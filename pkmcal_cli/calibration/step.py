@@ -7,6 +7,7 @@ drives' errors follow (Ecorchard 2010, eq. 24, with weights).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -138,7 +139,7 @@ def _step(scale: Scaled, values: Array, near: Linearised, damped: Linearised, re
     free = np.ones(p, dtype=bool)
     for _ in range(p + 1):
         residual = r - jacobian[:, ~free] @ step[~free]
-        spectrum = directions(near.jacobian[:, free], tuple(np.array(scale.names)[free]), scale.ranges[free])
+        spectrum = directions(near.jacobian[:, free], tuple(compress(scale.names, free)), scale.ranges[free])
         vectors = spectrum.vectors[~spectrum.held]
         step[free] = vectors.T @ _least_squares(jacobian[:, free] @ vectors.T, residual, light)
         if region is not None and region.length(np.where(free, step, 0.0)) > region.radius:

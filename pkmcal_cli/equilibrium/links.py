@@ -131,7 +131,7 @@ class _Collector:
         of_link = [int(a) for a in np.nonzero(offset_vectors.link == link)[0]]
         local: list[int] = []
         for r in [int(offset_vectors.rotation[a]) for a in of_link] + connections:
-            dofs = np.arange(first[r], first[r] + _WIDTH[RotationKind(rotations.kind[r])])
+            dofs = np.arange(first[r], first[r] + _WIDTH[int(rotations.kind[r])])
             if len(dofs) and first[r] not in local and (self.unknown_of[dofs] >= 0).any():
                 local += dofs.tolist()
         used = 0

@@ -6,24 +6,28 @@ equilibrium: Lagrange and Dirichlet's theorem) and whose assembly is the machine
 
 from __future__ import annotations
 
-from enum import IntEnum
+from typing import Final
 
 
-class RowStatus(IntEnum):
-    """Outcome of one row; anything but SOLVED yields no numbers."""
+class RowStatus:
+    """Outcome of one row; anything but SOLVED yields no numbers.
 
-    SOLVED = 0
-    NOT_CONVERGED = 1
-    SINGULAR = 2
-    OUT_OF_REACH = 3
-    WRONG_MODE = 4
-    UNSTABLE = 5
-    AMBIGUOUS = 6
+    Plain integers: numpy asks a member of an enumeration for attributes that it lacks, and drops what that raises, a
+    KeyboardInterrupt too.
+    """
 
-    @property
-    def reason(self) -> str:
-        """The outcome in words."""
-        return _REASONS[self]
+    SOLVED: Final = 0
+    NOT_CONVERGED: Final = 1
+    SINGULAR: Final = 2
+    OUT_OF_REACH: Final = 3
+    WRONG_MODE: Final = 4
+    UNSTABLE: Final = 5
+    AMBIGUOUS: Final = 6
+
+
+def reason_of(status: int) -> str:
+    """An outcome in words."""
+    return _REASONS[status]
 
 
 _REASONS = {

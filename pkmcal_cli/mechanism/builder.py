@@ -42,7 +42,7 @@ class TopologyBuilder:
     constants: list[float] = field(default_factory=list)
     formulas: list[tuple[int, Formula]] = field(default_factory=list)
     labels: list[str] = field(default_factory=list)
-    rotations: list[tuple[RotationKind, Array, Array, tuple[int, int, int], str]] = field(default_factory=list)
+    rotations: list[tuple[int, Array, Array, tuple[int, int, int], str]] = field(default_factory=list)
     filed: dict[int, Array] = field(default_factory=dict)  # orientation in the file where it is not the reference one
     carriers: dict[int, int] = field(default_factory=dict)  # of frames
     translations: list[tuple[int, float, bool, str]] = field(default_factory=list)
@@ -75,7 +75,7 @@ class TopologyBuilder:
 
     def rotation(
         self,
-        kind: RotationKind,
+        kind: int,
         name: str,
         axis: Array | None = None,
         reference: Array | None = None,

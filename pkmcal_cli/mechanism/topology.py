@@ -11,8 +11,9 @@ pulleys is a path of links.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from enum import IntEnum
+from enum import Enum
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,12 +27,12 @@ Index = NDArray[np.intp]
 GROUND = 0  # rotation number of the base
 
 
-class RotationKind(IntEnum):
-    """How a rotation moves; a frame as what carries it does."""
+class RotationKind:
+    """How a rotation moves; a frame as what carries it does. Plain integers, as of RowStatus."""
 
-    FIXED = 0  # not, but for its prescribed rotation vector
-    FREE = 1  # three unknowns
-    AXIS = 2  # one unknown: about an axis fixed to the base
+    FIXED: Final = 0  # not, but for its prescribed rotation vector
+    FREE: Final = 1  # three unknowns
+    AXIS: Final = 2  # one unknown: about an axis fixed to the base
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,7 +104,7 @@ class Group:
         return np.equal.outer(np.arange(len(self.names)), self.owners) * self.weights
 
 
-class DriveKind(IntEnum):
+class DriveKind(Enum):
     """What a drive commands."""
 
     TRAVEL = 0

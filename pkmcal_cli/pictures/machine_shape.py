@@ -16,7 +16,7 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.compiler.layout import members
 from pkmcal_cli.equilibrium.assembly import balance
-from pkmcal_cli.equilibrium.status import RowStatus
+from pkmcal_cli.equilibrium.status import reason_of
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.quantities import Quantity
 from pkmcal_cli.language.tool_point import tool_point_of
@@ -153,7 +153,7 @@ def _felt(forces: Mapping[str, float]) -> dict[str, float]:
 
 
 def _reason(solution: Solution) -> str:
-    return RowStatus(int(solution.status[0])).reason
+    return reason_of(int(solution.status[0]))
 
 
 def _placed(model: Model, solution: Solution) -> Placed:

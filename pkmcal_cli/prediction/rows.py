@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.lean import some_rows
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.kinematics import State
-from pkmcal_cli.equilibrium.status import RowStatus
+from pkmcal_cli.equilibrium.status import RowStatus, reason_of
 
 Method = Literal["exact", "linear", "rigid"]
 
@@ -188,7 +188,7 @@ class Prediction:
 
     def reason(self, row: int) -> str:
         """Why a row has no numbers."""
-        return RowStatus(int(self.status[row])).reason
+        return reason_of(int(self.status[row]))
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,37 @@
+"""A Ctrl-C is an exception between two steps of Python: where C code asks Python and drops the answer, it is lost."""
+
+from __future__ import annotations
+
+import sys
+from types import FrameType
+from typing import Any
+
+import pytest
+
+from pkmcal_cli.app import run
+from tests.command import MACHINES
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("diagnose", "scissors.yaml", "scissors-shopfloor.csv", "-q"),
+        ("calibrate", "hexapod7.yaml", "hexapod7.csv", "-q"),
+    ],
+)
+def test_numpy_asks_no_enumeration(arguments: tuple[str, ...]) -> None:
+    """Of 3000 signals at any time of a calibration 43 were lost in `EnumType.__getattr__`, which comparisons called."""
+    asked = set()
+
+    def watch(frame: FrameType, event: str, _: Any) -> None:
+        code, by = frame.f_code, frame.f_back
+        if event == "call" and code.co_name == "__getattr__" and code.co_filename.endswith("enum.py"):
+            asked.add(f"{by.f_code.co_filename}:{by.f_lineno}" if by else "?")
+
+    command, *files, quiet = arguments
+    sys.setprofile(watch)
+    try:
+        run([command, *(str(MACHINES / name) for name in files), quiet])
+    finally:
+        sys.setprofile(None)
+    assert not {where for where in asked if "pkmcal_cli" in where}
