@@ -23,7 +23,7 @@ from pkmcal_cli.workflow.calibration import Calibrated, CalibrationRequest, cali
 from .computing import computing
 from .machine import Machine, load, number
 from .options import Names, names_of, whole
-from .result import Result, messages_of, residual_frame, residual_picture
+from .result import Result, messages_of, residual_frame
 from .tables import Parameters, Table, measured_frame, parameters_of, source_of, sources_of
 
 _STARTS = 200
@@ -121,8 +121,7 @@ class Calibration(Result):
             text.write(self.parameter_text())
 
     def _picture(self) -> Picture:
-        fit = self.outcome.report.fit
-        return residual_picture(self.machine, self.outcome.report.problem, fit.before, fit.after)
+        return self.outcome.picture
 
 
 def error_frame(

@@ -12,9 +12,8 @@ import pandas as pd
 
 from pkmcal_cli.base.listener import Record
 from pkmcal_cli.base.plural import count
-from pkmcal_cli.pictures.by_row import Panel, by_row
 from pkmcal_cli.pictures.picture import Picture
-from pkmcal_cli.workflow.correct import Corrected, CorrectionRequest, correction
+from pkmcal_cli.workflow.correct import Corrected, CorrectionRequest, correction, correction_drawn
 
 from .computing import computing
 from .machine import Machine, load, number
@@ -27,6 +26,7 @@ class Correction(Result):
     """Set values that bring the tool point to its targets."""
 
     outcome: Corrected  # not stable
+    asked: CorrectionRequest  # not stable
     values: dict[str, Any]  # not stable: use `json`
 
     @property
@@ -67,13 +67,7 @@ class Correction(Result):
         return dict(self.values)
 
     def _picture(self) -> Picture:
-        table, panels = self.table, []
-        for label in (str(c) for c in table.columns if str(c).startswith("before.")):
-            name, _, unit = label.removeprefix("before.").partition(" [")
-            after = table[label.replace("before.", "after.", 1)]
-            series = {"before": table[label].to_numpy(), "after": after.to_numpy()}
-            panels.append(Panel(name, unit.rstrip("]"), series))
-        return by_row(f"Error of the tool point, {self.machine.name}", "error", panels)
+        return correction_drawn(self.asked, self.outcome)
 
 
 def correct(
@@ -99,4 +93,4 @@ def correct(
     with computing():
         corrected = correction(request, record, known.loaded)
         result = corrected.report.json() | {"at": stated}
-    return Correction(machine=known, outcome=corrected, values=result, **messages_of(record))
+    return Correction(machine=known, outcome=corrected, asked=request, values=result, **messages_of(record))

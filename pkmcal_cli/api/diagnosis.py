@@ -17,13 +17,13 @@ from pkmcal_cli.loading.poses import origin_of
 from pkmcal_cli.pictures.picture import Picture
 from pkmcal_cli.report.diagnosis import DiagnosisReport
 from pkmcal_cli.report.loads import Loads
-from pkmcal_cli.workflow.diagnose import FAILING, diagnosed, diagnosis_json
+from pkmcal_cli.workflow.diagnose import FAILING, diagnosed, diagnosis_drawn, diagnosis_json
 from pkmcal_cli.workflow.search_case import Case, CaseRequest, prepare
 
 from .computing import computing
 from .machine import Machine, load, number
 from .options import Names, names_of, whole
-from .result import Result, messages_of, residual_frame, residual_picture
+from .result import Result, messages_of, residual_frame
 from .tables import Parameters, Table, measured_frame, parameters_of, sources_of
 
 _EFFECT = ["name", "effect", "at", "value", "std", "unit", "evidence", "p_value", "share", "confirmed", "provisional"]
@@ -80,8 +80,7 @@ class Diagnosis(Result):
         return self.report.diagnosis
 
     def _picture(self) -> Picture:
-        inner = self._outcome
-        return residual_picture(self.machine, inner.problem, inner.before.after, inner.search.fit.after)
+        return diagnosis_drawn(self.case, self._outcome)
 
 
 def effect_frame(effects: Sequence[dict[str, Any]]) -> pd.DataFrame:

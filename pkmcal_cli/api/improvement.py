@@ -20,6 +20,7 @@ from pkmcal_cli.pictures.picture import Picture
 from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.report.parameters import parameter_unit
 from pkmcal_cli.report.provenance import provenance
+from pkmcal_cli.workflow.diagnose import diagnosis_drawn
 from pkmcal_cli.workflow.improve import Improved, ImproveRequest, improvement_of, setting
 from pkmcal_cli.workflow.improvement_run import fingerprint_of_improved
 from pkmcal_cli.workflow.search_case import CaseRequest
@@ -28,7 +29,7 @@ from .calibration import error_frame
 from .computing import computing
 from .machine import Machine, load, number
 from .options import Names, names_of, whole
-from .result import Result, messages_of, residual_frame, residual_picture
+from .result import Result, messages_of, residual_frame
 from .tables import Parameters, Table, measured_frame, parameters_of, source_of, sources_of
 
 _IMPROVED = "improved.yaml"
@@ -138,8 +139,7 @@ class Improvement(Result):
         )
 
     def _picture(self) -> Picture:
-        made = self.outcome.report.improvement
-        return residual_picture(self.machine, made.problem, made.fit.before, made.fit.after)
+        return diagnosis_drawn(self.outcome.case, self.outcome.report.improvement.whole)
 
 
 def improve(

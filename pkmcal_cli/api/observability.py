@@ -11,11 +11,9 @@ from typing import Any
 import pandas as pd
 
 from pkmcal_cli.base.listener import Record
-from pkmcal_cli.calibration.fitted_frames import frame_parameters
-from pkmcal_cli.pictures.bars import shares
 from pkmcal_cli.pictures.picture import Picture
 from pkmcal_cli.report.parameters import parameter_unit
-from pkmcal_cli.workflow.analysis import AnalysisRequest, Observed, observed
+from pkmcal_cli.workflow.analysis import AnalysisRequest, Observed, observability_drawn, observed
 
 from .computing import computing
 from .machine import Machine, load
@@ -29,6 +27,7 @@ class Observability(Result):
     """What a plan of measurements would determine."""
 
     outcome: Observed  # not stable
+    asked: AnalysisRequest  # not stable
 
     @property
     def ok(self) -> bool:
@@ -83,9 +82,7 @@ class Observability(Result):
         return self.outcome.json()
 
     def _picture(self) -> Picture:
-        table = self.parameters.drop(index=frame_parameters(self.outcome.problem.model), errors="ignore")
-        parts = dict(zip(table.index.astype(str), (table["std"] / table["range"]).tolist(), strict=True))
-        return shares(f"Expected uncertainty, {self.machine.name}", parts)
+        return observability_drawn(self.asked, self.outcome)
 
 
 def observe(
@@ -111,4 +108,4 @@ def observe(
     with computing():
         observation = observed(request, record, known.loaded)
         observation.loads.show(record)
-    return Observability(machine=known, outcome=observation, **messages_of(record))
+    return Observability(machine=known, outcome=observation, asked=request, **messages_of(record))

@@ -11,9 +11,7 @@ import pandas as pd
 from pkmcal_cli.base.listener import Record
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation
-from pkmcal_cli.pictures.by_row import Panel, by_row
 from pkmcal_cli.pictures.picture import Picture
-from pkmcal_cli.units.unit_text import parse_unit
 
 from .machine import Machine
 from .tables import frame_of
@@ -59,7 +57,7 @@ class Result(ABC):
         """What `plot` draws."""
 
     def plot(self) -> Figure:
-        """A picture of the result: a matplotlib Figure, with `savefig`."""
+        """The picture that `--plot` writes, as a matplotlib Figure, with `savefig`."""
         return self._picture().figure()
 
     def _repr_html_(self) -> str:
@@ -89,24 +87,3 @@ def residual_frame(problem: Problem, evaluation: Evaluation) -> pd.DataFrame:
     columns = [k for k in range(errors.shape[1]) if problem.measured[:, k].any()]
     channels = problem.model.channels
     return frame_of([(channels[k].name, channels[k].unit) for k in columns], [errors[:, k] for k in columns])
-
-
-def residual_panels(problem: Problem, before: Evaluation, after: Evaluation) -> list[Panel]:
-    """Residuals of every channel by row, before and after, with the stated noise."""
-    import numpy as np
-
-    panels = []
-    for k, channel in enumerate(problem.model.channels):
-        on = problem.measured[:, k]
-        if not on.any():
-            continue
-        unit = parse_unit({"length": "um", "angle": "urad"}.get(channel.dimension, channel.unit or "1"))
-        errors = [np.where(on, e.residual[:, k], np.nan) / unit.scale for e in (before, after)]
-        noise = np.where(on, problem.sigma[:, k], np.nan) / unit.scale
-        panels.append(Panel(channel.name, unit.text, dict(zip(("before", "after"), errors, strict=True)), noise))
-    return panels
-
-
-def residual_picture(machine: Machine, problem: Problem, before: Evaluation, after: Evaluation) -> Picture:
-    """Residuals by row."""
-    return by_row(f"Residuals, {machine.name}", "measured minus predicted", residual_panels(problem, before, after))

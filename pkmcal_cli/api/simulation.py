@@ -13,7 +13,6 @@ import pandas as pd
 from pkmcal_cli.base.listener import Record
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.csv_files.writer import Values
-from pkmcal_cli.pictures.by_row import Panel, by_row
 from pkmcal_cli.pictures.picture import Picture
 from pkmcal_cli.workflow.simulation import Simulation as Simulated
 from pkmcal_cli.workflow.simulation import SimulationRequest, simulation
@@ -76,13 +75,7 @@ class Simulation(Result):
         return {name: value for name, value in self.done.json().items() if name != "output"}
 
     def _picture(self) -> Picture:
-        table, names = self.rows, {c.name for c in self.done.model.channels}
-        panels = []
-        for label in table.columns:
-            name, _, unit = str(label).partition(" [")
-            if name in names and table[label].dtype.kind == "f":
-                panels.append(Panel(name, unit.rstrip("]"), {"reading": table[label].to_numpy()}))
-        return by_row(f"Readings, {self.machine.name}", "reading", panels)
+        return self.done.kept.picture(self.done.loaded)
 
 
 def simulate(
@@ -102,7 +95,7 @@ def simulate(
     request = SimulationRequest(
         machine=known.file, poses=None if poses is None else source_of(poses, "poses"), grid=grid,
         parameters=parameters_of(parameters), method=method, noise=noise, seed=whole("seed", seed), forces=forces,
-        uncertainty=uncertainty,
+        uncertainty=uncertainty, drawable=True,
     )  # fmt: skip
     record, rows = Record(), _Rows()
     with computing():

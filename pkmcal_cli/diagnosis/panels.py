@@ -62,6 +62,13 @@ class DriverPanel:
         return "displacement per kelvin" if self.per_kelvin else "displacement"
 
     @property
+    def title(self) -> str:
+        """The effect, and of several places the one that is shown."""
+        hypothesis = self.finding.hypothesis
+        placed = len(hypothesis.placed)
+        return hypothesis.name + (f", here at {_largest(self.finding).at}, of {placed} places" if placed > 1 else "")
+
+    @property
     def curve(self) -> bool:
         """Whether what is fitted is a function of x alone: no line runs through rows of different poses."""
         sides = np.zeros(len(self.x)) if self.side is None else np.sign(self.side)
@@ -184,11 +191,13 @@ def _driver(problem: Problem, placed: PlacedEffect) -> tuple[str, str, Array, Ar
 
 @dataclass(frozen=True)
 class Likeness:
-    """An effect found, the other one that is most similar to it, and the cosine of the angle between them."""
+    """An effect found, the other one that is most similar to it, the cosine of the angle between them, and whether
+    these data tell the two apart."""
 
     name: str
     rival: str
     cosine: float
+    told_apart: bool
 
 
 def nearest_rivals(diagnosis: Diagnosis) -> list[Likeness]:
@@ -201,12 +210,14 @@ def nearest_rivals(diagnosis: Diagnosis) -> list[Likeness]:
     chosen = [*accepted, *(int(k) for k in order)][:_MOST_ALIKE]
     hypotheses = [scored.hypotheses[k] for k in chosen]
     cosines = cosines_between(scored.linear, hypotheses, [scored.scores[k] for k in chosen])
+    sets = {f.hypothesis.name: {r.hypothesis.name for r in f.rivals} for f in diagnosis.findings}
     out = []
     for k in range(len(accepted)):
         others = [j for j, h in enumerate(hypotheses) if j != k and not _nested(h, hypotheses[k])]
         if others:
             nearest = max(others, key=lambda j: float(cosines[k, j]))
-            out.append(Likeness(hypotheses[k].name, hypotheses[nearest].name, float(cosines[k, nearest])))
+            name, rival = hypotheses[k].name, hypotheses[nearest].name
+            out.append(Likeness(name, rival, float(cosines[k, nearest]), rival not in sets.get(name, ())))
     return out
 
 

@@ -14,11 +14,12 @@ from pkmcal_cli.calibration.observability_indices import Observability
 from pkmcal_cli.diagnosis.experiment_design import Plan
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.pictures.dot_list import Dot, Scale, dot_part
-from pkmcal_cli.pictures.parts import Part, composed, shown_unit, three_digits
+from pkmcal_cli.pictures.parts import Part, composed, shown_unit
 from pkmcal_cli.pictures.picture import Picture
 from pkmcal_cli.pictures.scatter import Cloud, planes, scatter_part
 from pkmcal_cli.pictures.titles import Titles
-from pkmcal_cli.report.number_format import NEVER, handy
+from pkmcal_cli.report.analysis_report import held_by_range
+from pkmcal_cli.report.number_format import NEVER, handy, three_digits
 from pkmcal_cli.report.parameters import parameter_unit
 from pkmcal_cli.units.unit_text import Unit
 
@@ -72,14 +73,16 @@ def _along_part(result: Sensitivity, model: Model, coordinate: str) -> Part:
 def observability_picture(result: Observability, model: Model, titles: Titles) -> Picture:
     """Expected standard uncertainty of each parameter as a share of its range, and the singular values."""
     dots, frames = [], frame_parameters(model)  # whose ranges nobody stated: as shares of them they are nothing
-    for name, std, gone in zip(result.selected, result.std, result.directions.undetermined(), strict=True):
+    gone_by_name = result.directions.undetermined()
+    for name, std, alone, gone in zip(result.selected, result.std, result.alone, gone_by_name, strict=True):
         if name in frames:
             continue
         p, unit = model.parameters[model.names.index(name)], parameter_unit(model, name)
         known = not gone and p.range > 0
-        dots.append(Dot(name=name, value=float(std / p.range) if known else math.nan, good=bool(std < p.range / 2),
+        good = bool(std < p.range / 2) and not held_by_range(float(std), float(alone))
+        dots.append(Dot(name=name, value=float(std / p.range) if known else math.nan, good=good,
                         text=f"u = {handy(float(std), unit)}" if not gone else "undetermined"))  # fmt: skip
-    label = "expected standard uncertainty / range (dashed: no better than the range; logarithmic)"
+    label = "expected standard uncertainty / range (dashed: no better than it; open: weak, held by it; logarithmic)"
     parts = [dot_part(dots, Scale(label=label, logarithmic=True, line=0.5))]
     values = [float(s) for s in result.directions.singular_values]
     if values:

@@ -14,10 +14,11 @@ from pkmcal_cli.diagnosis.panels import DriverPanel, driver_panel, nearest_rival
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
 from pkmcal_cli.diagnosis.waterfall import waterfall
 from pkmcal_cli.pictures.error_map import PlaneErrors, error_map, errors_in_words, map_part, places_of
-from pkmcal_cli.pictures.parts import Part, composed, plain_log, size_text, three_digits
+from pkmcal_cli.pictures.parts import Part, composed, plain_log, size_text
 from pkmcal_cli.pictures.picture import AFTER, BEFORE, FITTED, NOISE, Picture, write_picture
 from pkmcal_cli.pictures.shape_picture import shape_in_words, shape_part
 from pkmcal_cli.pictures.titles import Titles, plain
+from pkmcal_cli.report.number_format import three_digits
 from pkmcal_cli.units.file_units import FileUnits
 from pkmcal_cli.units.unit_text import Unit
 
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
 
 _ROUND = 0.02  # spread of the radius below which poses lie on a circle
-_APART = 0.95  # cosine above which effects are not told apart
 _CALIBRATED, _WITH, _SHAPED = "calibrated", "with effects found", "with the curve found"
 
 
@@ -142,10 +142,11 @@ def driver_part(panel: DriverPanel) -> Part:
         y, fitted = panel.measured / unit.scale, panel.fitted / unit.scale
         for side, colour, marker, name in _sides(panel):
             _side(ax, panel, side, (colour, marker, name))
-        _limit(ax, y, fitted)
-        ax.set_xlabel(f"{plain(panel.name)} [{panel.unit_name}]")
+        outside = _limit(ax, y, fitted)
+        beyond = f"; {outside} of {len(y)} points lie beyond" if outside else ""
+        ax.set_xlabel(f"{plain(panel.name)} [{panel.unit_name}]{beyond}")
         ax.set_ylabel(f"{panel.quantity} [{unit.text}]")
-        ax.set_title(plain(panel.finding.hypothesis.name), fontsize=9)
+        ax.set_title(plain(panel.title), fontsize=9)
         ax.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
 
     return Part(3.0, draw)
@@ -179,12 +180,13 @@ def _side(ax: Axes, panel: DriverPanel, side: int, look: tuple[str, str, str]) -
     ax.fill_between(x, fitted - band, fitted + band, color=FITTED, alpha=0.15, lw=0)
 
 
-def _limit(ax: Axes, y: Array, fitted: Array) -> None:
-    """Rows that see little of the effect are noisy: the picture shows what the others show."""
+def _limit(ax: Axes, y: Array, fitted: Array) -> int:
+    """Limits to what most rows show; those that see little of the effect are noisy. Returns how many lie beyond."""
     low, high = np.quantile(y, [0.02, 0.98])
     low, high = min(low, fitted.min()), max(high, fitted.max())
     room = 0.15 * (high - low) or 1.0
     ax.set_ylim(low - room, high + room)
+    return int(((y < low - room) | (y > high + room)).sum())
 
 
 # --- steps -----------------------------------------------------------------------------------
@@ -222,18 +224,16 @@ def rivals_part(diagnosis: Diagnosis) -> Part:
         ax = figure.add_subplot()
         ax.set_xlim(0, 1.02)
         ax.set_ylim(len(rivals) - 0.4, -0.6)
-        ax.axvspan(_APART, 1.02, color="0.9", lw=0)
         for row, near in enumerate(rivals):
-            close = near.cosine > _APART
-            colour, marker = (BEFORE, "o") if close else (AFTER, "s")
+            colour, marker, face = (AFTER, "s", AFTER) if near.told_apart else (BEFORE, "o", "white")
             ax.plot([0, near.cosine], [row, row], color="0.85", lw=1, zorder=1)
-            ax.plot(near.cosine, row, marker=marker, ms=6, color=colour, ls="none", gid=f"rival-{row}")
+            ax.plot(near.cosine, row, marker=marker, ms=6, mfc=face, mec=colour, ls="none", gid=f"rival-{row}")
             left = near.cosine > 0.5
             ax.annotate(f"{plain(near.rival)}  {near.cosine:.2f}", (near.cosine, row), xytext=(-8 if left else 8, 0),
                         textcoords="offset points", va="center", ha="right" if left else "left", fontsize=8,
                         bbox={"fc": "white", "ec": "none", "pad": 0.5})  # fmt: skip
         ax.set_yticks(range(len(rivals)), [plain(near.name) for near in rivals])
         ax.grid(axis="y", visible=False)
-        ax.set_xlabel("effect found, and the one most similar to it: cosine between them (grey: not distinguishable)")
+        ax.set_xlabel("effect found, and the one most similar to it: cosine between them (open: not told apart here)")
 
     return Part(0.75 + 0.3 * max(len(rivals), 1), draw)

@@ -190,7 +190,7 @@ def _heading(panel: _Panel, negligible: float, letters: int) -> str:
     if panel.magnified != 1:
         return f"the same, arrows {panel.title}"
     rms = _rms(panel.errors)
-    size = f": {size_text(rms)} rms" if rms > negligible else ": none"
+    size = f": {size_text(rms if rms > negligible else 0.0)} rms"
     lines = wrap(panel.title, letters, max_lines=_LINES, placeholder=" ...") or [""]
     if len(lines[-1]) + len(size) <= letters:
         return "\n".join([*lines[:-1], lines[-1] + size])
@@ -213,8 +213,8 @@ def _key(ax: Axes, panel: _Panel, places: PlaneErrors, inches: float, width: flo
     radius = 2 * places.sigma * inches
     if not np.isfinite(radius):
         return
-    fits = 0.01 <= radius <= _CIRCLE
-    if fits:
-        ax.add_patch(Circle((1.32, 0.22), radius, fill=False, color=NOISE, lw=1.2, gid="noise"))
+    fits, least = radius <= _CIRCLE, 0.01
+    if fits:  # what is smaller than a line is a dot
+        ax.add_patch(Circle((1.32, 0.22), max(radius, least), fill=radius < least, color=NOISE, lw=1.2, gid="noise"))
     label = f"2 sigma: {size_text(2 * places.sigma)}"
     ax.text(1.36 + radius if fits else 1.25, 0.22, label, va="center", size=8, color="0.35")

@@ -56,7 +56,8 @@ def parameter_part(rows: Sequence[ParameterRow]) -> Part:
                                               for r in shown])  # fmt: skip
         values.tick_params(length=0)
         more = f"; {len(listed) - len(shown)} more are not shown" if len(listed) > len(shown) else ""
-        ax.set_xlabel(f"(value - nominal) / range, 95 % interval; grey: the range; open: weakly determined{more}")
+        interval = "95 % interval" + (" with what held parameters add" if any(r.by_held for r in shown) else "")
+        ax.set_xlabel(f"(value - nominal) / range, {interval}; grey: the range; open: weakly determined{more}")
 
     return Part(_FRAME + _ROW * max(len(shown), 1), draw)
 

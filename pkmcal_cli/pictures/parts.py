@@ -11,6 +11,7 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.pictures.picture import Picture
 from pkmcal_cli.pictures.titles import Titles
+from pkmcal_cli.report.number_format import plain_number, three_digits
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 if TYPE_CHECKING:
@@ -81,19 +82,8 @@ def plain_log(ax: Axes, axis: str = "x") -> None:
     low, high = ax.get_xlim() if axis == "x" else ax.get_ylim()
     decades = np.log10(high / low)
     which.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if decades < 2.5 else (1.0,), numticks=12))
-    which.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
+    which.set_major_formatter(FuncFormatter(lambda value, _: plain_number(value)))
     which.set_minor_formatter(NullFormatter())
-
-
-def number(value: float) -> str:
-    """A number as people write it: 0.001, 20, 5000; powers of ten only where it is longer than nine figures."""
-    text = f"{value:.12f}".rstrip("0").rstrip(".") if 1e-7 <= abs(value) < 1e9 else f"{value:g}"
-    return text or "0"
-
-
-def three_digits(value: float) -> str:
-    """A number rounded to three digits, as people write it."""
-    return number(float(f"{value:.3g}"))
 
 
 def thinned(count: int, most: int) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 _SHOWN = 3000  # rows
 _PER_PANEL = len(LOOKS)
+_NO_FORCE = 1e-6  # N, N m: what solving leaves
 _HEIGHT = 2.3  # inches, of a panel over the rows
 
 
@@ -103,6 +104,8 @@ def _over_rows(quantity: str, series: Sequence[_Series]) -> list[Part]:
 def _panel(quantity: str, series: Sequence[_Series], unit: str) -> Part:
     file_unit = parse_unit(unit)
     largest = max(float(np.nanmax(np.abs(s.values))) for s in series)
+    if largest < _NO_FORCE and series[0].dimension in ("force", "torque"):
+        series = [replace(s, values=np.zeros_like(s.values)) for s in series]
     shown = shown_unit(series[0].dimension, largest, file_unit) if file_unit.text in ("N", "kN", "N m") else file_unit
 
     def draw(figure: SubFigure) -> None:

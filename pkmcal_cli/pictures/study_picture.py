@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pkmcal_cli.calibration.study_figures import TOOL, CaseFigures, Mean
-from pkmcal_cli.pictures.parts import Part, composed, plain_log, three_digits
+from pkmcal_cli.pictures.parts import Part, composed, plain_log
 from pkmcal_cli.pictures.picture import AFTER, BEFORE, FITTED, OTHER, Picture
 from pkmcal_cli.pictures.titles import Titles, plain, shortened
+from pkmcal_cli.report.number_format import three_digits
 from pkmcal_cli.report.study import StudyReport
 from pkmcal_cli.units.unit_text import Unit
 

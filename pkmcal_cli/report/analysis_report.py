@@ -109,7 +109,7 @@ def show_observability(to: Reporter, model: Model, observability: Observability,
         shown = "undetermined" if gone else f"{std / unit.scale:.3g} {unit.text}"
         share = "" if gone else f"{std / p.range:.3f}"
         remark = "" if gone or std < p.range / 2 else "no better than its stated range"
-        if not gone and alone > _WIDER * std:
+        if not gone and held_by_range(std, alone):
             remark = f"weak: {alone / unit.scale:.3g} {unit.text} from the data alone; held by its range"
         table.append((name, f"+-{p.range / unit.scale:.4g} {unit.text}", shown, share, remark))
     values = count(observability.count, "measured value")
@@ -134,6 +134,11 @@ def show_observability(to: Reporter, model: Model, observability: Observability,
         to.say(f"weak: {c.text}")
     if weak:
         to.say(f"help: {_advice(weak[0]) if len(weak) == 1 else _advice_on_weak(weak)}")
+
+
+def held_by_range(std: float, by_data: float) -> bool:
+    """Whether data alone would tell much less of a parameter than is stated with its range."""
+    return by_data > _WIDER * std
 
 
 def _advice(c: Combination) -> str:

@@ -57,7 +57,19 @@ def readable(value: float, unit: Unit, like: float | None = None) -> str:
     return f"{unit.from_si(value):.4g}{'' if unit.text == '1' else f' {unit.text}'}"
 
 
+def plain_number(value: float) -> str:
+    """A number as people write it: 0.001, 20, 5000; powers of ten only where it is longer than nine figures."""
+    text = f"{value:.12f}".rstrip("0").rstrip(".") if 1e-7 <= abs(value) < 1e9 else f"{value:g}"
+    return text or "0"
+
+
+def three_digits(value: float) -> str:
+    """A number rounded to three digits, as people write it."""
+    return plain_number(float(f"{value:.3g}"))
+
+
 _LARGER = {"um": "mm", "mm": "m", "urad": "mrad", "um/m": "mm/m", "urad/rad": "mrad/rad", "N": "kN"}
+_SMALLER = {"m": "mm", "mm": "um", "rad": "mrad", "mrad": "urad", "mm/m": "um/m", "kN": "N", "kg": "g"}
 NEVER = 1e4  # times the plausible size: no machine has so large an effect
 _SEVERAL = 2.0  # times the plausible size: from there on multiples read better than percent
 
@@ -66,9 +78,9 @@ def handy(value: float, unit: Unit) -> str:
     """An amount (SI) to three digits, in the unit or in one of its multiples, without powers of ten where possible."""
     while abs(value) >= 999.5 * unit.scale and unit.text in _LARGER:
         unit = parse_unit(_LARGER[unit.text])
-    if unit.text == "mm" and 0 < abs(value) < 0.0995 * unit.scale:
-        unit = parse_unit("um")
-    return f"{value / unit.scale:.3g}{'' if unit.text == '1' else f' {unit.text}'}"
+    while 0 < abs(value) < 0.0995 * unit.scale and unit.text in _SMALLER:
+        unit = parse_unit(_SMALLER[unit.text])
+    return f"{three_digits(value / unit.scale)}{'' if unit.text == '1' else f' {unit.text}'}"
 
 
 def detectable_size(value: float, plausible: float, unit: Unit) -> str:

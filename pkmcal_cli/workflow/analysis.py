@@ -25,6 +25,7 @@ from pkmcal_cli.loading.tool_coordinates import required_tool_point
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_channels import tcp_model
 from pkmcal_cli.pictures.analysis_pictures import observability_picture, sensitivity_picture
+from pkmcal_cli.pictures.picture import Picture
 from pkmcal_cli.pictures.titles import Titles, titles
 from pkmcal_cli.prediction import Prediction, Rows
 from pkmcal_cli.report.analysis_report import (
@@ -257,6 +258,12 @@ def observed(request: AnalysisRequest, to: Listener, machine: LoadedMachine | No
     )
 
 
+def observability_drawn(request: AnalysisRequest, observation: Observed) -> Picture:
+    """Expected uncertainties as shares of the ranges."""
+    named = _titles(request, "observability")
+    return observability_picture(observation.result, observation.problem.model, named)
+
+
 def _verdict(result: Observability) -> str:
     """What of the selected parameters the positions determine."""
     if not result.directions.rank:
@@ -275,8 +282,7 @@ def run_observability(request: AnalysisRequest) -> int:
         to.say(UNSTRAINED)
     observation.loads.show(to)
     if request.plot is not None:
-        picture = observability_picture(result, observation.problem.model, _titles(request, "observability"))
-        write_plot(picture, request.plot, observation.inputs, to, force=request.force)
+        write_plot(observability_drawn(request, observation), request.plot, observation.inputs, to, force=request.force)
     if request.as_json:
         emit_json(enveloped("observability", _verdict(result), observation.json(), provenance(observation.inputs)))
     if observation.missed:

@@ -54,12 +54,7 @@ def _written(calibrated: Calibrated, limits: Sequence[Gate], to: Reporter) -> in
         with write_text(request.output, s.inputs, force=request.force) as file:
             file.write(text)
     if request.plot is not None:
-        from pkmcal_cli.pictures.residual_picture import calibration_picture
-        from pkmcal_cli.pictures.titles import titles
-
-        named = titles(s.loaded.model.name, "calibration", s.measured.files)
-        picture = calibration_picture(report, named, s.loaded.machine.file_units.length)
-        write_plot(picture, request.plot, s.inputs, to, force=request.force)
+        write_plot(calibrated.picture, request.plot, s.inputs, to, force=request.force)
     judged = _judged(s, report, limits)
     verdict, code = _verdict(s, report, judged, to)
     result = enveloped("calibrate", verdict, calibrated.json | {"gates": [each.json() for each in judged]}, head)

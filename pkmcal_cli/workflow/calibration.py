@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -43,6 +43,9 @@ from pkmcal_cli.workflow.held_out import held_out, holdout_file, validated
 from pkmcal_cli.workflow.moved_frames import moved_warnings
 from pkmcal_cli.workflow.prior_file import EarlierCalibration, earlier_calibration
 from pkmcal_cli.workflow.unsolved_rows import unsolved
+
+if TYPE_CHECKING:
+    from pkmcal_cli.pictures.picture import Picture
 
 _STEPS_IN_DOUBT = 15  # of a fit that a hint has made implausible already
 
@@ -111,6 +114,16 @@ class Calibrated:
     def json(self) -> dict[str, Any]:
         """The result for programs."""
         return self.report.json() | {"method": self.setting.request.method}
+
+    @property
+    def picture(self) -> Picture:
+        """Error maps, residuals over the drives, parameters."""
+        from pkmcal_cli.pictures.residual_picture import calibration_picture
+        from pkmcal_cli.pictures.titles import titles
+
+        loaded = self.setting.loaded
+        named = titles(loaded.model.name, "calibration", self.setting.measured.files)
+        return calibration_picture(self.report, named, loaded.machine.file_units.length)
 
 
 def checked(request: CalibrationRequest) -> str | None:

@@ -26,11 +26,11 @@ from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, 
 from pkmcal_cli.loading.targets import Targets, read_targets
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.pictures.correction_picture import correction_picture
+from pkmcal_cli.pictures.picture import Picture
 from pkmcal_cli.pictures.titles import titles
 from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.correction import CorrectionReport
 from pkmcal_cli.report.provenance import provenance
-from pkmcal_cli.units.unit_text import Unit
 from pkmcal_cli.workflow.arguments import one_stdin, present
 from pkmcal_cli.workflow.command_table import CommandTable
 from pkmcal_cli.workflow.conditions import Conditions, conditions
@@ -95,7 +95,7 @@ def run_correction(request: CorrectionRequest) -> int:
     elif result is not None and len(result.correction.good):
         files = _write(request, made, head)
     if request.plot is not None:
-        _draw(Plot(request.plot, inputs, request.force), request, report, loaded.machine.file_units.length, to)
+        Plot(request.plot, inputs, request.force).write(correction_drawn(request, made), to)
     result_of = report.json() | {"output": request.output, "at": request.at} | more
     answer = enveloped("correct", "incomplete" if made.code else "complete", result_of, head)
     if request.as_json:
@@ -104,10 +104,11 @@ def run_correction(request: CorrectionRequest) -> int:
     return made.code
 
 
-def _draw(plot: Plot, request: CorrectionRequest, report: CorrectionReport, length: Unit, to: Reporter) -> None:
-    """The picture. Raises OutputError."""
+def correction_drawn(request: CorrectionRequest, made: Corrected) -> Picture:
+    """Errors before and after, and what the drives bear."""
+    report, length = made.report, made.loaded.machine.file_units.length
     named = titles(request.machine, "correction", present(request.parameters, request.targets))
-    plot.write(correction_picture(report.model, report.result, report.targets.held, named, length), to)
+    return correction_picture(report.model, report.result, report.targets.held, named, length)
 
 
 @dataclass(frozen=True)

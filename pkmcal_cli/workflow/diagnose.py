@@ -13,6 +13,7 @@ from pkmcal_cli.base.outputs import check_folder
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis, Verdict, diagnose
 from pkmcal_cli.loading.poses import origin_of
+from pkmcal_cli.pictures.picture import Picture
 from pkmcal_cli.pictures.titles import Titles, titles
 from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.diagnosis import DiagnosisReport
@@ -85,12 +86,8 @@ def run_diagnosis(request: DiagnosisRequest) -> int:
 
 def _draw(request: DiagnosisRequest, case: Case, diagnosis: Diagnosis, to: Reporter) -> None:
     """Pictures as files, or as text where they are asked for on the terminal. Raises UsageError, OutputError."""
-    from pkmcal_cli.pictures.diagnosis_pictures import diagnosis_picture, diagnosis_pictures, write_pictures
-
-    units, named = case.loaded.machine.file_units, _titles(case)
     if request.plot is not None:
-        picture = diagnosis_picture(diagnosis, named, units)
-        write_plot(picture, request.plot, case.inputs, to, force=request.force)
+        write_plot(diagnosis_drawn(case, diagnosis), request.plot, case.inputs, to, force=request.force)
     if request.plots is None:
         return
     if is_stream(request.plots):
@@ -98,8 +95,18 @@ def _draw(request: DiagnosisRequest, case: Case, diagnosis: Diagnosis, to: Repor
 
         to.say(text_pictures(diagnosis))
         return
-    for file in write_pictures(request.plots, list(diagnosis_pictures(diagnosis, named, units)), case.inputs):
+    from pkmcal_cli.pictures.diagnosis_pictures import diagnosis_pictures, write_pictures
+
+    every = diagnosis_pictures(diagnosis, _titles(case), case.loaded.machine.file_units)
+    for file in write_pictures(request.plots, list(every), case.inputs):
         to.say(f"written: {file}")
+
+
+def diagnosis_drawn(case: Case, diagnosis: Diagnosis) -> Picture:
+    """The picture of a diagnosis."""
+    from pkmcal_cli.pictures.diagnosis_pictures import diagnosis_picture
+
+    return diagnosis_picture(diagnosis, _titles(case), case.loaded.machine.file_units)
 
 
 def _titles(case: Case) -> Titles:

@@ -12,7 +12,7 @@ from pkmcal_cli.csv_files.writer import check_table, open_writer
 from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.workflow.arguments import one_stdin, present
-from pkmcal_cli.workflow.plots import check_plot
+from pkmcal_cli.workflow.plots import check_plot, write_plot
 from pkmcal_cli.workflow.simulation import Simulation, SimulationRequest, checked, simulation
 
 
@@ -27,7 +27,8 @@ def run_simulation(request: SimulationRequest) -> int:
     with writing as writer, to.progress("row", _total(made, request)) as tick:
         made.run(writer, tick)
     made.tell(to)
-    made.kept.draw(made.loaded, made.inputs, to)
+    if request.plot is not None:
+        write_plot(made.kept.picture(made.loaded), request.plot, made.inputs, to, force=request.force)
     if request.as_json:
         emit_json(enveloped("simulate", "incomplete" if made.code else "complete", made.json(), head))
     return made.code

@@ -56,6 +56,7 @@ class SimulationRequest:
     uncertainty: bool = False
     output: str | None = None
     plot: str | None = None
+    drawable: bool = False  # what a picture needs is kept, also where none is written
     as_json: bool = False
     quiet: bool = False
     force: bool = False
@@ -97,8 +98,8 @@ def simulation(request: SimulationRequest, to: Listener, machine: LoadedMachine 
         errors=_error_map(request, loaded, model, start) if request.uncertainty else None,
         loads=Loads(model=model),
         kept=KeptRows(
-            model=model, values=start.values, method=request.method, forces_asked=request.forces, plot=request.plot,
-            tables=present(request.parameters, request.poses), force=request.force,
+            model=model, values=start.values, method=request.method, forces_asked=request.forces,
+            wanted=request.plot is not None or request.drawable, tables=present(request.parameters, request.poses),
         ),
     )  # fmt: skip
     if noise.silent:
