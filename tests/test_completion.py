@@ -5,13 +5,17 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
+from pkmcal_cli.commands._group import names as commands
+from pkmcal_cli.correction.formats import formats
+from pkmcal_cli.correction.redundancy import Choice
 from pkmcal_cli.loading.names import names_in
 from tests.command import MACHINES, ROOT, TRIGLIDE, process, run
 
-PLACES = ("q1", "q2", "q3", "tracker")
+PLACES = ("q1", "q2", "q3", "all")
 DELTA = str(MACHINES / "delta-printer.yaml")
 OVERLAY = str(MACHINES / "triglide-nonredundant.yaml")
 
@@ -44,6 +48,14 @@ def test_commands_and_options(tmp_path: Path) -> None:
         (f"pkmcal observability {TRIGLIDE} --offset q", ["q1=", "q2=", "q3="]),
         (f"pkmcal plan {TRIGLIDE} --aim backlash@q", ["backlash@q1", "backlash@q2", "backlash@q3"]),
         (f"pkmcal improve {TRIGLIDE} x.csv --only drift@t", ["drift@tracker"]),
+        (f"pkmcal improve {TRIGLIDE} x.csv --only drift@q", []),
+        (f"pkmcal improve {TRIGLIDE} x.csv --only backlash@t", []),
+        (f"pkmcal improve {TRIGLIDE} x.csv --only resetu", []),
+        (f"pkmcal plan {TRIGLIDE} --aim separate:drift@tracker,backlash@a", ["separate:drift@tracker,backlash@all"]),
+        (f"pkmcal calibrate {DELTA} x.csv --fail-above std:stop", ["std:stop1", "std:stop2", "std:stop3"]),
+        (f"pkmcal calibrate {TRIGLIDE} x.csv --loss h", ["huber"]),
+        (f"pkmcal sensitivity {TRIGLIDE} --channel r", ["rx", "ry", "rz"]),
+        ("pkmcal schema --output cal", ["calibrate"]),
         (f"pkmcal improve {TRIGLIDE} x.csv --only drift@tracker,windu", [f"drift@tracker,windup@{p}" for p in PLACES]),
         (f"pkmcal plan {TRIGLIDE} --aim windu", [f"windup@{p}" for p in PLACES]),
         (f"pkmcal improve {TRIGLIDE} x.csv --only nosuch", []),
@@ -53,6 +65,21 @@ def test_commands_and_options(tmp_path: Path) -> None:
 )  # fmt: skip
 def test_names_of_the_file_on_the_line(line: str, names: list[str], tmp_path: Path) -> None:
     assert proposed(line, tmp_path) == names
+
+
+def test_choices_are_all_there_are(tmp_path: Path) -> None:
+    """What the shell proposes for a choice is what the program takes."""
+    assert proposed("pkmcal correct triglide --as ", tmp_path) == list(formats())
+    assert proposed("pkmcal correct triglide --redundant ", tmp_path) == list(get_args(Choice))
+    templates = (ROOT / "pkmcal_cli" / "templates").glob("*.yaml")
+    assert set(proposed("pkmcal new ", tmp_path)) == {file.stem for file in templates}
+    assert proposed("pkmcal schema --output ", tmp_path) == commands()
+
+
+def test_parameters_of_effects_are_those_of_the_file(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text(f"extends: {TRIGLIDE}\neffects: {{backlash@q2: {{}}}}\n")
+    line = f"pkmcal calibrate {tmp_path}/a.yaml x.csv --select auto,backlash@"
+    assert proposed(line, tmp_path) == ["auto,backlash@q2.b"]
 
 
 def test_names_are_those_at_the_end_of_overlays(tmp_path: Path) -> None:

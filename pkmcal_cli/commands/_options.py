@@ -66,7 +66,13 @@ Select = Annotated[
 ]
 Alpha = Annotated[float, typer.Option("--alpha", help="False-alarm rate of the whole diagnosis.")]
 Method = Annotated[
-    str, typer.Option("--method", metavar="exact|linear|rigid", help="exact, linear (the paper's one step) or rigid.")
+    str,
+    typer.Option(
+        "--method",
+        metavar="exact|linear|rigid",
+        help="exact, linear (the paper's one step) or rigid.",
+        autocompletion=_completion.one_of("exact", "linear", "rigid"),
+    ),
 ]
 Offset = Annotated[
     list[str] | None,
@@ -94,7 +100,12 @@ FailOn = Annotated[
 ]
 Style = Annotated[
     str,
-    typer.Option("--format", metavar="text|github", help="github: warnings and errors also as annotations of files."),
+    typer.Option(
+        "--format",
+        metavar="text|github",
+        help="github: warnings and errors also as annotations of files.",
+        autocompletion=_completion.one_of("text", "github"),
+    ),
 ]
 FailAbove = Annotated[
     list[str] | None,
@@ -102,6 +113,7 @@ FailAbove = Annotated[
         "--fail-above",
         metavar='"KIND VALUE"',
         help='Exit with 1 above a limit: "heldout 20 um", fitted, chi2, std:NAME, change; can be repeated.',
+        autocompletion=_completion.limits,
     ),
 ]
 MaxRms = Annotated[
@@ -114,10 +126,22 @@ Holdout = Annotated[
 Dwell = Annotated[float, typer.Option("--dwell", metavar="S", help="G-code: wait at every target, seconds.")]
 Feed = Annotated[float, typer.Option("--feed", metavar="F", help="G-code: feed, mm/min.")]
 Loss = Annotated[
-    str, typer.Option("--loss", metavar="squares|huber|tukey", help="huber and tukey down-weight outliers.")
+    str,
+    typer.Option(
+        "--loss",
+        metavar="squares|huber|tukey",
+        help="huber and tukey down-weight outliers.",
+        autocompletion=_completion.one_of("squares", "huber", "tukey"),
+    ),
 ]
 Prior = Annotated[
-    str, typer.Option("--prior", metavar="none|ranges", help="ranges: prior standard uncertainty of half a range.")
+    str,
+    typer.Option(
+        "--prior",
+        metavar="none|ranges",
+        help="ranges: prior standard uncertainty of half a range.",
+        autocompletion=_completion.one_of("none", "ranges"),
+    ),
 ]
 PriorOrFile = Annotated[
     str,
@@ -135,7 +159,13 @@ Loosen = Annotated[
     ),
 ]
 Uncertainty = Annotated[
-    str, typer.Option("--uncertainty", metavar="linear|profile|bootstrap", help="Method for the 95 % intervals.")
+    str,
+    typer.Option(
+        "--uncertainty",
+        metavar="linear|profile|bootstrap",
+        help="Method for the 95 % intervals.",
+        autocompletion=_completion.one_of("linear", "profile", "bootstrap"),
+    ),
 ]
 Starts = Annotated[
     int,

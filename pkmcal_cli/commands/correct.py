@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from pkmcal_cli.commands import _completion
 from pkmcal_cli.commands._options import (
     Dwell,
     Feed,
@@ -21,8 +22,9 @@ from pkmcal_cli.commands._options import (
 )
 
 _FORMATS = (
-    "adjust, beckhoff, csv, gcode, gcode-drives, gcode-printer, klipper, linuxcnc, reprapfirmware (docs/correct.md)."
-)
+    "adjust", "beckhoff", "csv", "gcode", "gcode-drives", "gcode-printer", "klipper", "linuxcnc", "reprapfirmware",
+)  # fmt: skip
+_CHOICES = ("min-force", "min-energy", "preload", "nominal")
 
 
 def correct(
@@ -36,10 +38,22 @@ def correct(
         str | None, typer.Option("--at", metavar='"T=23,payload=40"', help='Circumstances; "T=23 +- 0.5": how sure.')
     ] = None,
     redundant: Annotated[
-        str, typer.Option("--redundant", metavar="CHOICE", help="min-force, min-energy, preload or nominal.")
+        str,
+        typer.Option(
+            "--redundant",
+            metavar="CHOICE",
+            help="min-force, min-energy, preload or nominal.",
+            autocompletion=_completion.one_of(*_CHOICES),
+        ),
     ] = "min-force",
     as_format: Annotated[
-        str | None, typer.Option("--as", metavar="FORMAT", help="What a control takes instead: " + _FORMATS)
+        str | None,
+        typer.Option(
+            "--as",
+            metavar="FORMAT",
+            help=f"What a control takes instead: {', '.join(_FORMATS)} (docs/correct.md).",
+            autocompletion=_completion.one_of(*_FORMATS),
+        ),
     ] = None,
     dwell: Dwell = 2.0,
     feed: Feed = 1000.0,

@@ -6,13 +6,18 @@ from typing import Annotated
 
 import typer
 
+from pkmcal_cli.commands import _completion
 from pkmcal_cli.commands._options import Force, Json, Quiet, as_request
 
 
 def new(
     kind: Annotated[
         str | None,
-        typer.Argument(metavar="[KIND]", help="gantry, delta, hexapod, rrr (planar 3-RRR), cable or scissors."),
+        typer.Argument(
+            metavar="[KIND]",
+            help="gantry, delta, hexapod, rrr (planar 3-RRR), cable or scissors.",
+            autocompletion=_completion.one_of("gantry", "delta", "hexapod", "rrr", "cable", "scissors"),
+        ),
     ] = None,
     span: Annotated[
         str | None, typer.Option("--span", metavar='"2 m"', help="Size of the machine of this kind; default: 1 m.")

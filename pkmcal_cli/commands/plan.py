@@ -45,7 +45,13 @@ Budget = Annotated[
     int | None, typer.Option("--budget", min=1, max=400, help="Rows that --next may use, those measured included.")
 ]
 Form = Annotated[
-    str, typer.Option("--as", metavar="csv|gcode|checklist", help="Form of the points to measure.")
+    str,
+    typer.Option(
+        "--as",
+        metavar="csv|gcode|checklist",
+        help="Form of the points to measure.",
+        autocompletion=_completion.one_of("csv", "gcode", "checklist"),
+    ),
 ]
 Power = Annotated[
     int,

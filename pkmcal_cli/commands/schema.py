@@ -6,13 +6,20 @@ from typing import Annotated
 
 import typer
 
+from pkmcal_cli.commands import _completion
 from pkmcal_cli.commands._options import Force, as_request
 
 
 def schema(
     file: Annotated[str, typer.Option("-o", metavar="FILE.json", help="File to write; default: stdout.")] = "-",
     output: Annotated[
-        str | None, typer.Option("--output", metavar="COMMAND", help="Schema of what this command writes with --json.")
+        str | None,
+        typer.Option(
+            "--output",
+            metavar="COMMAND",
+            help="Schema of what this command writes with --json.",
+            autocompletion=_completion.commands,
+        ),
     ] = None,
     overlay: Annotated[bool, typer.Option("--overlay", help="Schema for files with `extends`.")] = False,
     force: Force = False,

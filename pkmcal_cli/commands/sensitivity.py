@@ -49,7 +49,13 @@ def sensitivity(
     select: SelectAll = None,
     size: Sizes = None,
     channel: Annotated[
-        str | None, typer.Option("--channel", metavar="x", help="One coordinate of the tool point, with its sign.")
+        str | None,
+        typer.Option(
+            "--channel",
+            metavar="x",
+            help="One coordinate of the tool point, with its sign.",
+            autocompletion=_completion.coordinates,
+        ),
     ] = None,
     offset: Offset = None,
     method: Method = "exact",

@@ -9,6 +9,8 @@ from pkmcal_cli.effects import ENTRIES, STAGES, Effect, catalogue
 from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.workflow.effects_request import EffectsRequest
 
+ANY_SESSION = "SESSION"
+"""Place of an effect of sessions, which only tables name."""
 _SHOWN = 5
 
 
@@ -24,7 +26,7 @@ def run_effects(request: EffectsRequest) -> int:
     if any(option is not None for option in (request.poses, request.grid, request.parameters)):
         raise UsageError("poses and parameters are for simulation", hint="add `--simulate`")
     to = Reporter(request.quiet)
-    sites, inputs = (None, {}) if machine is None else _places(machine)
+    sites, inputs = (None, {}) if machine is None else effect_places(machine)
     rows, listed = [], []
     for effect in catalogue().values():
         where = None if sites is None else sites[effect.keyword]
@@ -48,14 +50,14 @@ def run_effects(request: EffectsRequest) -> int:
     return 0
 
 
-def _places(machine: str) -> tuple[dict[str, list[str]], dict[str, str]]:
-    """Places of each effect, and the files read with their sha256."""
+def effect_places(machine: str) -> tuple[dict[str, list[str]], dict[str, str]]:
+    """Places of each effect by its keyword, and the files read with their sha256. Raises PkmcalError."""
     from pkmcal_cli.loading.load_machine import load_machine
     from pkmcal_cli.model.effect_sites import places
 
     loaded = load_machine(machine, receptive=True)
     sites = loaded.model.sites
-    return {e.keyword: list(places(sites, e, ("SESSION",))) for e in catalogue().values()}, loaded.inputs
+    return {e.keyword: list(places(sites, e, (ANY_SESSION,))) for e in catalogue().values()}, loaded.inputs
 
 
 def _short(where: list[str] | None) -> str:
