@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import inspect
 import json
 from dataclasses import FrozenInstanceError
@@ -15,7 +16,7 @@ import pkmcal
 import pytest
 import yaml
 
-from tests.command import GRID, MACHINES, SHOPFLOOR, TRIGLIDE, TRIGLIDE_DATA, clean, run
+from tests.command import GRID, MACHINES, SCISSORS, SHOPFLOOR, TRIGLIDE, TRIGLIDE_DATA, clean, run
 
 PLAIN = str(MACHINES / "triglide-nonredundant.yaml")
 WRITING = {"output", "run", "as_json", "quiet", "style", "force", "fail_above", "fail_on", "max_rms", "accept", "plots"}
@@ -136,20 +137,29 @@ def test_a_result_that_cannot_be_used_warns() -> None:
     assert not found.ok and found.status in ("implausible", "not_converged")
 
 
-def test_pictures_are_figures(found: pkmcal.Calibration, tmp_path: Path) -> None:
-    """One panel for each channel, with axes that name quantity and unit."""
+def test_pictures_are_those_of_the_commands(found: pkmcal.Calibration, tmp_path: Path) -> None:
+    """Figures with the axes of what `--plot` writes."""
     from matplotlib.figure import Figure
 
-    results = [
-        found, pkmcal.simulate("triglide", grid=GRID), pkmcal.observe("triglide", grid=GRID),
-        pkmcal.correct("triglide", grid=GRID, parameters=found),
-    ]  # fmt: skip
-    for result in results:
+    (tmp_path / "p.yaml").write_text(found.parameter_text())
+    diagnosed = pkmcal.diagnose("scissors", SHOPFLOOR)
+    results = {
+        ("calibrate", TRIGLIDE, TRIGLIDE_DATA): found,
+        ("simulate", TRIGLIDE, "--grid", GRID, "-o", str(tmp_path / "s.csv")): pkmcal.simulate("triglide", grid=GRID),
+        ("observability", TRIGLIDE, "--grid", GRID): pkmcal.observe("triglide", grid=GRID),
+        ("correct", TRIGLIDE, "--grid", GRID, "-p", str(tmp_path / "p.yaml"), "-o", str(tmp_path / "c.csv")):
+            pkmcal.correct("triglide", grid=GRID, parameters=found),
+        ("diagnose", SCISSORS, SHOPFLOOR): diagnosed,
+    }  # fmt: skip
+    for command, result in results.items():
         figure = result.plot()
         assert isinstance(figure, Figure)
-        figure.savefig(tmp_path / "p.svg")
-    labels = [ax.get_ylabel() for ax in found.plot().axes]
-    assert labels == ["x [um]", "y [um]"]
+        file = tmp_path / f"{command[0]}.svg"
+        run(*command, "--plot", str(file))
+        drawn = file.read_text(encoding="utf-8")
+        axes = [a for pane in (figure, *figure.subfigs) for a in pane.axes]
+        labels = {text for a in axes for text in (a.get_xlabel(), a.get_ylabel()) if text}
+        assert len(labels) >= 2 and all(html.escape(text, quote=False) in drawn for text in labels), command
 
 
 def test_an_observer_hears_of_every_step() -> None:

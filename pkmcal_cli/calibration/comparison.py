@@ -165,9 +165,12 @@ class Changes:
 
 
 def changes(c: Common, moved: Sequence[str], times: Sequence[float], freedom: float) -> Changes:
-    """How the parameters `moved` change with time (n,), one value for each set; others are the same in all."""
+    """How the parameters `moved` change with time (n,), one value for each set; others are the same in all.
+
+    Their values, of which little is known, are those at the mean time, so that no set comes first.
+    """
     where = [c.names.index(n) for n in moved]
-    moving = c.matrix[:, where] * np.array(times)[c.set_of][:, None]
+    moving = c.matrix[:, where] * (np.array(times) - np.mean(times))[c.set_of][:, None]
     design, q, k = np.hstack([c.matrix, moving]), len(c.names), len(where)
     known = np.ones(q)
     known[where] = 1.0 / _FREE

@@ -25,6 +25,24 @@ _FORMATS = (
     "adjust", "beckhoff", "csv", "gcode", "gcode-drives", "gcode-printer", "klipper", "linuxcnc", "reprapfirmware",
 )  # fmt: skip
 _CHOICES = ("min-force", "min-energy", "preload", "nominal")
+Redundant = Annotated[
+    str,
+    typer.Option(
+        "--redundant",
+        metavar="CHOICE",
+        help="min-force, min-energy, preload or nominal.",
+        autocompletion=_completion.one_of(*_CHOICES),
+    ),
+]
+AsFormat = Annotated[
+    str | None,
+    typer.Option(
+        "--as",
+        metavar="FORMAT",
+        help=f"What a control takes instead: {', '.join(_FORMATS)} (docs/correct.md).",
+        autocompletion=_completion.one_of(*_FORMATS),
+    ),
+]
 
 
 def correct(
@@ -37,24 +55,8 @@ def correct(
     at: Annotated[
         str | None, typer.Option("--at", metavar='"T=23,payload=40"', help='Circumstances; "T=23 +- 0.5": how sure.')
     ] = None,
-    redundant: Annotated[
-        str,
-        typer.Option(
-            "--redundant",
-            metavar="CHOICE",
-            help="min-force, min-energy, preload or nominal.",
-            autocompletion=_completion.one_of(*_CHOICES),
-        ),
-    ] = "min-force",
-    as_format: Annotated[
-        str | None,
-        typer.Option(
-            "--as",
-            metavar="FORMAT",
-            help=f"What a control takes instead: {', '.join(_FORMATS)} (docs/correct.md).",
-            autocompletion=_completion.one_of(*_FORMATS),
-        ),
-    ] = None,
+    redundant: Redundant = "min-force",
+    as_format: AsFormat = None,
     dwell: Dwell = 2.0,
     feed: Feed = 1000.0,
     output: Annotated[

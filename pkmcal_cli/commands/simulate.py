@@ -53,4 +53,4 @@ def simulate(
     from pkmcal_cli.workflow.simulate import run_simulation
     from pkmcal_cli.workflow.simulation import SimulationRequest
 
-    raise typer.Exit(run_simulation(as_request(SimulationRequest, options)))
+    raise typer.Exit(run_simulation(as_request(SimulationRequest, options, drawable=False)))

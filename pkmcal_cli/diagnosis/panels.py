@@ -197,7 +197,7 @@ class Likeness:
     name: str
     rival: str
     cosine: float
-    told_apart: bool
+    distinct: bool
 
 
 def nearest_rivals(diagnosis: Diagnosis) -> list[Likeness]:

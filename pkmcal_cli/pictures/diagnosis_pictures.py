@@ -225,7 +225,7 @@ def rivals_part(diagnosis: Diagnosis) -> Part:
         ax.set_xlim(0, 1.02)
         ax.set_ylim(len(rivals) - 0.4, -0.6)
         for row, near in enumerate(rivals):
-            colour, marker, face = (AFTER, "s", AFTER) if near.told_apart else (BEFORE, "o", "white")
+            colour, marker, face = (AFTER, "s", AFTER) if near.distinct else (BEFORE, "o", "white")
             ax.plot([0, near.cosine], [row, row], color="0.85", lw=1, zorder=1)
             ax.plot(near.cosine, row, marker=marker, ms=6, mfc=face, mec=colour, ls="none", gid=f"rival-{row}")
             left = near.cosine > 0.5

@@ -19,10 +19,11 @@ def uncertain(value: float, std: float | None, unit: str = "", digits: int = 2) 
     if size >= 10**digits:
         decimals -= 1
         size = round(std * 10**decimals)
+    value = round(value, decimals) or 0.0  # no minus before what is rounded to nothing
     if decimals > 12 or decimals < -3:
         return f"{value:.8g} +- {std:.{digits}g}{tail}"
     if decimals <= 0:
-        return f"{round(value, decimals):.0f}({size * 10**-decimals}){tail}"
+        return f"{value:.0f}({size * 10**-decimals}){tail}"
     return f"{value:.{decimals}f}({size}){tail}"
 
 

@@ -29,7 +29,7 @@ class KeptRows:
     values: Array
     method: str
     forces_asked: bool
-    wanted: bool  # else nothing is kept
+    drawable: bool  # else nothing is kept
     tables: Sequence[str]
     solved: list[tuple[Rows, WarmStart]] = field(default_factory=list)
     readings: list[Array] = field(default_factory=list)
@@ -39,7 +39,7 @@ class KeptRows:
 
     def add(self, rows: Rows, readings: Array, forces: Array | None, u: list[Array], start: WarmStart) -> None:
         """Keep solved rows; u: standard uncertainties (N,) of the tool point's coordinates, or none."""
-        if not self.wanted or self.count >= _MOST or not len(rows):
+        if not self.drawable or self.count >= _MOST or not len(rows):
             return
         self.count += len(rows)
         self.solved.append((rows, start))

@@ -99,7 +99,7 @@ def simulation(request: SimulationRequest, to: Listener, machine: LoadedMachine 
         loads=Loads(model=model),
         kept=KeptRows(
             model=model, values=start.values, method=request.method, forces_asked=request.forces,
-            wanted=request.plot is not None or request.drawable, tables=present(request.parameters, request.poses),
+            drawable=request.plot is not None or request.drawable, tables=present(request.parameters, request.poses),
         ),
     )  # fmt: skip
     if noise.silent:
