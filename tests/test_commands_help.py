@@ -35,7 +35,7 @@ def help_of(command: str) -> str:
 def examples_of(command: str) -> list[str]:
     """The examples at the end of a command's help."""
     _, _, examples = help_of(command).rpartition("Examples:\n")
-    return [line.strip() for line in examples.strip().splitlines()]
+    return [line.strip() for line in re.sub(r" \\\n +", " ", examples).strip().splitlines()]
 
 
 def unfolded(text: str) -> str:
@@ -93,7 +93,8 @@ def test_help_shows_every_way_to_call_it(command: str) -> None:
     """A file, stdin, several files and `--json`, where the command takes them."""
     examples, text = examples_of(command), help_of(command)
     assert all(line.split(" | ")[-1].startswith(f"pkmcal {command} ") for line in examples)
-    assert text.count("Examples:") == 1 and text.rstrip().endswith(examples[-1])
+    assert text.count("Examples:") == 1 and re.sub(r" \\\n +", " ", text).rstrip().endswith(examples[-1])
+    assert max(map(len, text.splitlines())) <= 80
     every = " ".join(examples)
     assert ("- is stdin" in text) <= (" | " in every)
     assert ("\n  --json" in text) <= ("--json" in every)

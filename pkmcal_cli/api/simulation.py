@@ -95,11 +95,11 @@ def simulate(
     request = SimulationRequest(
         machine=known.file, poses=None if poses is None else source_of(poses, "poses"), grid=grid,
         parameters=parameters_of(parameters), method=method, noise=noise, seed=whole("seed", seed), forces=forces,
-        uncertainty=uncertainty, drawable=True,
+        uncertainty=uncertainty,
     )  # fmt: skip
     record, rows = Record(), _Rows()
     with computing():
-        done = simulation(request, record, known.loaded)
+        done = simulation(request, record, known.loaded, drawable=True)
         done.run(rows)
         done.tell(record)
     table = frame_of(done.columns, rows.columns(len(done.columns)))

@@ -75,6 +75,6 @@ def _whole(name: str) -> object:
     """A command with its arguments, options and help; its examples stand last."""
     function, alone = _function(name), typer.Typer(rich_markup_mode=None, add_completion=False)
     text, _, examples = re.sub(r"(?m)^    ", "", function.__doc__ or "").partition("Examples:")
-    lines = "\n".join(f"  {' '.join(line.split())}" for line in examples.strip().splitlines())
+    lines = "\n".join(f"  {line.removeprefix('    ').rstrip()}" for line in examples.strip("\n ").splitlines())
     alone.command(name, help=text.rstrip(), epilog=f"\b\nExamples:\n{lines}")(function)
     return typer.main.get_command(alone)

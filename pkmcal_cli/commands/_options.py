@@ -46,12 +46,11 @@ PosesFile = Annotated[
 MeasuredFiles = Annotated[
     list[str], typer.Argument(metavar="MEAS.csv", help="Measured rows, each file a session; - is stdin.")
 ]
-_AXES = 'Instead of a file: "x=0:950:3,y=160:390:77" (start:stop:count, ends included)'
-Grid = Annotated[
-    str | None,
-    typer.Option("--grid", metavar="SPEC", help=f"{_AXES}; or 40: so many poses over the workspace."),
-]
-GridOfTargets = Annotated[str | None, typer.Option("--grid", metavar="SPEC", help=f"{_AXES}.")]
+_GRID = (
+    'Instead of a file: "x=0:950:3,y=160:390:77" (start:stop:count, ends included); or 40: so many poses over the '
+    "workspace."
+)
+Grid = Annotated[str | None, typer.Option("--grid", metavar="SPEC", help=_GRID)]
 Parameters = Annotated[
     str | None, typer.Option("-p", "--parameters", metavar="PARAMS.yaml", help="Parameter values; default: nominal.")
 ]

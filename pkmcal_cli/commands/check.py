@@ -27,7 +27,7 @@ def check(
 
     Examples:
         pkmcal check machines/triglide.yaml machines/triglide.csv
-        pkmcal check machines/hangprinter.yaml machines/hangprinter_2021-12-16.csv \
+        pkmcal check hangprinter machines/hangprinter_2021-12-16.csv \\
             machines/hangprinter_2022-04-12.csv --json
         cat machines/triglide.csv | pkmcal check machines/triglide.yaml -
     """

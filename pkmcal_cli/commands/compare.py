@@ -28,8 +28,9 @@ def compare(
     """Has the machine changed between these calibrations, in what, and what does it do to the tool point?
 
     Examples:
-        pkmcal compare machines/triglide.yaml machines/triglide-nonredundant.yaml machines/triglide.csv
-        pkmcal compare machines/triglide.yaml machines/triglide-nonredundant.yaml machines/triglide.csv --json
+        pkmcal compare triglide triglide-nonredundant machines/triglide.csv
+        pkmcal compare triglide triglide-nonredundant \\
+            machines/triglide.csv --json
     """
     options = locals()
     from pkmcal_cli.base.shipped import machine_file

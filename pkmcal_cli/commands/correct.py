@@ -11,7 +11,7 @@ from pkmcal_cli.commands._options import (
     Dwell,
     Feed,
     Force,
-    GridOfTargets,
+    Grid,
     Json,
     MachineFile,
     Parameters,
@@ -50,7 +50,7 @@ def correct(
     targets: Annotated[
         str | None, typer.Argument(metavar="TARGETS.csv", help="Wanted TCP coordinates; - is stdin.")
     ] = None,
-    grid: GridOfTargets = None,
+    grid: Grid = None,
     parameters: Parameters = None,
     at: Annotated[
         str | None, typer.Option("--at", metavar='"T=23,payload=40"', help='Circumstances; "T=23 +- 0.5": how sure.')
@@ -73,9 +73,9 @@ def correct(
     Redundant drives carry least force, hold least strain energy, keep the preload, or stay at nominal set values.
 
     Examples:
-        pkmcal correct machines/gantry.yaml --grid "x=200:1300:4,y=200:1500:4" -o commands.csv
-        pkmcal calibrate machines/biglide.yaml machines/biglide.csv -o - \
-            | pkmcal correct machines/biglide.yaml --grid "x=300:400:2" -p - -o c.csv --json
+        pkmcal correct gantry --grid "x=200:1300:4,y=200:1500:4" -o commands.csv
+        pkmcal calibrate machines/biglide.yaml machines/biglide.csv -o - \\
+            | pkmcal correct biglide --grid "x=300:400:2" -p - -o c.csv --json
     """
     options = locals()
     from pkmcal_cli.workflow.correct import CorrectionRequest, run_correction

@@ -49,10 +49,10 @@ def diagnose(
     """Which physical effect explains the residuals that remain after calibration?
 
     Examples:
-        pkmcal diagnose machines/hangprinter.yaml machines/hangprinter_2021-12-16.csv
-        pkmcal diagnose machines/hangprinter.yaml machines/hangprinter_2021-12-16.csv \
+        pkmcal diagnose hangprinter machines/hangprinter_2021-12-16.csv
+        pkmcal diagnose hangprinter machines/hangprinter_2021-12-16.csv \\
             machines/hangprinter_2022-04-12.csv --fail-on none
-        cat machines/biglide.csv | pkmcal diagnose machines/biglide.yaml - --json
+        cat machines/biglide.csv | pkmcal diagnose biglide - --json
     """
     options = locals()
     from pkmcal_cli.workflow.diagnose import DiagnosisRequest, run_diagnosis

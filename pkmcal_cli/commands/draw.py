@@ -37,8 +37,9 @@ def draw(
 
     Examples:
         pkmcal draw machines/triglide.yaml
-        pkmcal draw machines/hexapod7.yaml machines/hexapod7.csv --row 3 --scale 200 -o hexapod.svg
-        cat machines/triglide.csv | pkmcal draw machines/triglide.yaml - --row 5 --json
+        pkmcal draw hexapod7 machines/hexapod7.csv --row 3 --scale 200 \\
+            -o hexapod.svg
+        cat machines/triglide.csv | pkmcal draw triglide - --row 5 --json
     """
     options = locals()
     from pkmcal_cli.workflow.draw import DrawingRequest, run_drawing

@@ -27,7 +27,7 @@ def effects(
 
     Examples:
         pkmcal effects machines/scissors.yaml --simulate
-        cat machines/biglide.csv | pkmcal effects machines/biglide.yaml - --simulate --json
+        cat machines/biglide.csv | pkmcal effects biglide - --simulate --json
     """
     options = locals()
     from pkmcal_cli.base.shipped import machine_file

@@ -67,8 +67,9 @@ def improve(
     """Which effects does the machine file lack, and how much do they improve held-out points?
 
     Examples:
-        pkmcal improve machines/hangprinter.yaml machines/hangprinter_2021-12-16.csv -o improved.yaml
-        pkmcal improve machines/hangprinter.yaml machines/hangprinter_2021-12-16.csv \
+        pkmcal improve hangprinter machines/hangprinter_2021-12-16.csv \\
+            -o improved.yaml
+        pkmcal improve hangprinter machines/hangprinter_2021-12-16.csv \\
             machines/hangprinter_2022-04-12.csv --fail-on none
         cat machines/biglide.csv | pkmcal improve machines/biglide.yaml - --json
     """

@@ -34,8 +34,9 @@ def observability(
     """What will these positions determine, how well, and what can they not separate?
 
     Examples:
-        pkmcal observability machines/triglide-nonredundant.yaml --grid "x=0:950:3,y=160:390:77"
-        cat machines/triglide.csv | pkmcal observability machines/triglide.yaml - --json
+        pkmcal observability triglide-nonredundant \\
+            --grid "x=0:950:3,y=160:390:77"
+        cat machines/triglide.csv | pkmcal observability triglide - --json
     """
     options = locals()
     from pkmcal_cli.workflow.analysis import AnalysisRequest, run_observability

@@ -93,8 +93,9 @@ def plan(
     """Which effects can this measurement detect and separate, and which points should be added?
 
     Examples:
-        pkmcal plan machines/scissors.yaml --grid "x=-200:200:6,y=-200:200:6" --aim backlash@q1
-        pkmcal plan machines/triglide.yaml --grid "x=300:400:3,y=250:300:2" -o points.csv
+        pkmcal plan scissors --grid "x=-200:200:6,y=-200:200:6" \\
+            --aim backlash@q1
+        pkmcal plan triglide --grid "x=300:400:3,y=250:300:2" -o points.csv
         cat machines/biglide.csv | pkmcal plan machines/biglide.yaml - --json
     """
     options = locals()

@@ -51,8 +51,9 @@ def report(
     """Is the machine within its tolerance, what is wrong with it, and how sure is that? One page to hand over.
 
     Examples:
-        pkmcal report machines/triglide.yaml machines/triglide.csv --tolerance "100 um" -o triglide.html
-        pkmcal report machines/biglide.yaml machines/biglide.csv -o biglide.html --json
+        pkmcal report triglide machines/triglide.csv --tolerance "100 um" \\
+            -o triglide.html
+        pkmcal report biglide machines/biglide.csv -o biglide.html --json
     """
     options = locals()
     from pkmcal_cli.workflow.report import ReportRequest, run_report

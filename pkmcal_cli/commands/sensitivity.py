@@ -70,8 +70,9 @@ def sensitivity(
     """Which parameters move the TCP most, in position and orientation, over their ranges?
 
     Examples:
-        pkmcal sensitivity machines/scissors.yaml --grid "x=-200:200:5,y=-200:200:5" --offset q1="-50 um"
-        cat machines/triglide.csv | pkmcal sensitivity machines/triglide.yaml - --json
+        pkmcal sensitivity scissors --grid "x=-200:200:5,y=-200:200:5" \\
+            --offset q1="-50 um"
+        cat machines/triglide.csv | pkmcal sensitivity triglide - --json
     """
     options = locals()
     from pkmcal_cli.workflow.analysis import SensitivityRequest, run_sensitivity

@@ -46,11 +46,13 @@ def simulate(
     actuators needs no positions.
 
     Examples:
-        pkmcal simulate machines/triglide.yaml --grid "x=200:700:5,y=200:350:4" --noise declared --seed 1
-        cat machines/triglide.csv | pkmcal simulate machines/triglide.yaml - -o simulated.csv --json
+        pkmcal simulate triglide --grid "x=200:700:5,y=200:350:4" \\
+            --noise declared --seed 1
+        cat machines/triglide.csv | pkmcal simulate triglide - \\
+            -o simulated.csv --json
     """
     options = locals()
     from pkmcal_cli.workflow.simulate import run_simulation
     from pkmcal_cli.workflow.simulation import SimulationRequest
 
-    raise typer.Exit(run_simulation(as_request(SimulationRequest, options, drawable=False)))
+    raise typer.Exit(run_simulation(as_request(SimulationRequest, options)))

@@ -65,8 +65,9 @@ def study(
     """How many points does a calibration need, and what does redundancy change?
 
     Examples:
-        pkmcal study machines/scissors.yaml --points 10,20 --noise "10 um" --repeat 5
-        pkmcal study triglide triglide-nonredundant --within "x=0:950,y=160:390" --points 10,40 --repeat 5
+        pkmcal study scissors --points 10,20 --noise "10 um" --repeat 5
+        pkmcal study triglide triglide-nonredundant --within "x=0:950,y=160:390" \\
+            --points 10,40 --repeat 5
         cat machines/scissors.yaml | pkmcal study - --points 10 --repeat 2 --json
     """
     options = locals()

@@ -14,6 +14,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.loading.tool_coordinates import kept_note, tool_motion, unusable_set
 from pkmcal_cli.model.tool_motion import DIRECTIONS
+from pkmcal_cli.model.workspace import Workspace
 from pkmcal_cli.units.unit_text import Unit, UnitError, parse_value
 
 _MOST = 10**9  # positions of a grid
@@ -73,6 +74,14 @@ def spread_count(text: str) -> int | None:
     if not 0 < number <= _MOST_SPREAD:
         raise UsageError(f"--grid: `{text.strip()}` is not a number of poses", hint=f"give 1 to {_MOST_SPREAD}")
     return number
+
+
+def spread_over(loaded: LoadedMachine, number: int) -> Workspace:
+    """The workspace over which so many poses are spread. Raises UsageError where a machine declares none."""
+    if loaded.model.workspace is None:
+        message = f"--grid {number}: so many poses are spread over the workspace, and the machine declares none"
+        raise UsageError(message, hint='add `workspace:` to the machine file, or axes: "x=0:950:3,y=160:390:77"')
+    return loaded.model.workspace
 
 
 def parse_grid(loaded: LoadedMachine, text: str, option: str = "--grid") -> Grid:

@@ -8,10 +8,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pkmcal_cli.base.errors import UsageError
+from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.language.tool_point import ToolPoint
 from pkmcal_cli.loading.covariates import at_rest, resting, with_covariates
-from pkmcal_cli.loading.grid import Grid, parse_grid, spread_count
+from pkmcal_cli.loading.grid import Grid, parse_grid, spread_count, spread_over
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.loading.pose_channels import table_channels
 from pkmcal_cli.loading.poses import Poses, RowOrigin, failed_rows, joined_poses, origin_of, reference_poses
@@ -38,6 +39,7 @@ class PoseSource:
     """
 
     loaded: LoadedMachine
+    to: Listener
     path: str | None
     grid: str | None
     notes: tuple[str, ...] = ()
@@ -74,11 +76,8 @@ class PoseSource:
         return points, points.notes
 
     def _spread(self, number: int) -> tuple[Poses, tuple[str, ...]]:
-        workspace = self.loaded.model.workspace
-        if workspace is None:
-            message = f"--grid {number}: so many poses are spread over the workspace, and the machine declares none"
-            raise UsageError(message, hint='add `workspace:` to the machine file, or axes: "x=0:950:3,y=160:390:77"')
-        return workspace_poses(self.loaded, workspace, number)
+        workspace = spread_over(self.loaded, number)
+        return workspace_poses(self.loaded, workspace, number, self.to)
 
     @property
     def total(self) -> int | None:

@@ -8,13 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pkmcal_cli.base.errors import BadInput, Location, UsageError
+from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.language.tool_point import ToolPoint
 from pkmcal_cli.loading.covariates import reference_conditions, with_covariates, without_effect
-from pkmcal_cli.loading.grid import parse_grid
+from pkmcal_cli.loading.grid import parse_grid, spread_count, spread_over
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.loading.poses import RowOrigin, origin_of
 from pkmcal_cli.loading.tool_coordinates import kept_note, required_tool_point, tool_motion, unusable_set
+from pkmcal_cli.loading.workspace_poses import workspace_points
 from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.tables.measurements import read_measurements
@@ -46,7 +48,9 @@ class Targets:
         return len(self.poses)
 
 
-def read_targets(loaded: LoadedMachine, path: str | None, grid: str | None, at: Mapping[str, float]) -> Targets:
+def read_targets(
+    loaded: LoadedMachine, path: str | None, grid: str | None, at: Mapping[str, float], to: Listener
+) -> Targets:
     """Targets of a table or of a grid; `at`: columns of all rows, SI. Raises UsageError and BadInput."""
     if (path is None) == (grid is None):
         raise UsageError("give either a table of targets or --grid", hint='for example --grid "x=0:950:3,y=160:390:77"')
@@ -54,7 +58,7 @@ def read_targets(loaded: LoadedMachine, path: str | None, grid: str | None, at: 
     if not motion.freedoms:
         message, _ = unusable_set(loaded, [])
         raise BadInput.single(message, Location(loaded.model.name), "a machine that moves can be corrected", "targets")
-    targets = _of_grid(loaded, grid) if grid is not None else _of_table(loaded, path or "")
+    targets = _of_grid(loaded, grid, to) if grid is not None else _of_table(loaded, path or "")
     if twice := [name for name in at if name in targets.rows.columns]:
         message = f"--at: the table has a column `{twice[0]}`"
         raise UsageError(message, hint="give a circumstance in the table or with `--at`, not in both")
@@ -90,16 +94,37 @@ def _idle(loaded: LoadedMachine, at: Mapping[str, float]) -> list[str]:
     return [f"--at: `{name}` changes nothing: no effect of the machine file depends on it" for name in names]
 
 
-def _of_grid(loaded: LoadedMachine, text: str) -> Targets:
-    points, tool = parse_grid(loaded, text), required_tool_point(loaded)
-    if len(points) > _MOST:
-        raise UsageError(f"--grid: more than {_MOST} poses", hint="use a coarser grid")
-    empty = np.full((len(points), len(loaded.model.actuators)), np.nan)
+def _of_grid(loaded: LoadedMachine, text: str, to: Listener) -> Targets:
+    tool, number = required_tool_point(loaded), spread_count(text)
+    points = _gridded(loaded, text) if number is None else _spread(loaded, number, to)
+    empty = np.full((len(points.poses), len(loaded.model.actuators)), np.nan)
     return Targets(
-        poses=points.poses(0, len(points)), held=points.held, coordinates=tuple(a.name for a in points.axes),
+        poses=points.poses, held=points.held, coordinates=points.coordinates,
         rows=Rows(empty, empty), row_origin=lambda row: RowOrigin(None, row + 1, ""), tool=tool, covariates=(),
         forces=False, grid=True, notes=(tool.text, *points.notes), inputs={},
     )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Points:
+    """Poses (N, 6), coordinates at which they are held, and those of them that were asked for."""
+
+    poses: Array
+    held: tuple[str, ...]
+    coordinates: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def _gridded(loaded: LoadedMachine, text: str) -> _Points:
+    grid = parse_grid(loaded, text)
+    if len(grid) > _MOST:
+        raise UsageError(f"--grid: more than {_MOST} poses", hint="use a coarser grid")
+    return _Points(grid.poses(0, len(grid)), grid.held, tuple(a.name for a in grid.axes), grid.notes)
+
+
+def _spread(loaded: LoadedMachine, number: int, to: Listener) -> _Points:
+    points = workspace_points(loaded, spread_over(loaded, number), number, to)
+    return _Points(points.poses, points.held, points.spread or points.held, points.notes)
 
 
 def _of_table(loaded: LoadedMachine, path: str) -> Targets:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.base.even_points import even_points
+from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.loading.covariates import at_rest
 from pkmcal_cli.loading.load_machine import LoadedMachine
@@ -22,12 +23,32 @@ from pkmcal_cli.prediction import Rows
 from pkmcal_cli.prediction.inverse_kinematics import DrivePositions, drive_positions
 from pkmcal_cli.prediction.rigid_pose import placed_tool_poses
 
-_ROUNDS = 8
-_TRIED = 8  # drawn in each round, for each that is wanted
+_TRIED = 64  # drawn at most, for each that is wanted
+_FEWEST, _TOGETHER = 64, 1024  # drawn at once
 
 
-def workspace_poses(loaded: LoadedMachine, workspace: Workspace, count: int) -> tuple[Poses, tuple[str, ...]]:
-    """So many poses in the workspace, and what is said of them. Raises BadInput where none can be reached.
+@dataclass(frozen=True, kw_only=True)
+class WorkspacePoints:
+    """Poses (N, 6) of the tool point in the workspace and readings (N, A) of the drives there.
+
+    held: coordinates that the drives were asked for; spread: those of them that fill the workspace, none where the
+    readings of drives do; others are as in the reference configuration.
+    """
+
+    poses: Array
+    readings: Array
+    held: tuple[str, ...]
+    spread: tuple[str, ...]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Which coordinates are kept."""
+        kept = [c for c in self.held if c not in self.spread] if self.spread else []
+        return (kept_note(kept),) if kept else ()
+
+
+def workspace_points(loaded: LoadedMachine, workspace: Workspace, count: int, to: Listener) -> WorkspacePoints:
+    """So many points in the workspace, fewer where few of those tried are. Raises BadInput where none can be reached.
 
     Spread over the coordinates that box and cylinder limit, others as in the reference configuration; where they limit
     none, over the readings of the drives that are not redundant.
@@ -36,21 +57,29 @@ def workspace_poses(loaded: LoadedMachine, workspace: Workspace, count: int) -> 
     low, high = workspace.bounds
     limited = [c for c, one, other in zip(DIRECTIONS, low, high, strict=True) if np.isfinite([one, other]).all()]
     held = motion.most_of([c for c in limited if c in motion.names])
-    spread = [c for c in held if c in limited]
+    spread = tuple(c for c in held if c in limited)
     ways = _by_coordinates(model, held, spread, low, high, count) if spread else _by_drives(loaded, workspace, count)
-    parts: list[Array] = []
-    for inverse in ways:
-        inside = workspace.holds(inverse.poses, inverse.readings)
-        parts = [*parts, inverse.readings[inside]]
-        if sum(len(part) for part in parts) >= count:
-            break
-    readings = np.concatenate(parts)[:count]
+    poses, readings = np.zeros((0, len(DIRECTIONS))), np.zeros((0, len(model.actuators)))
+    with to.progress("pose", count) as tick:
+        for inverse in ways:
+            inside = workspace.holds(inverse.poses, inverse.readings)
+            tick(min(int(inside.sum()), count - len(readings)))
+            poses, readings = np.vstack([poses, inverse.poses[inside]]), np.vstack([readings, inverse.readings[inside]])
+            if len(readings) >= count:
+                break
     if not len(readings):
         raise out_of_workspace(loaded)
-    rows = at_rest(model, replace(Rows.at(readings), partner=rows_before(model, len(readings))))
-    kept = [c for c in held if c not in spread] if spread else []
-    notes = (kept_note(kept),) if kept else ()
-    return Poses(rows, np.ones(len(rows), dtype=bool), lambda row: RowOrigin(None, row + 1, "")), notes
+    return WorkspacePoints(poses=poses[:count], readings=readings[:count], held=held, spread=spread)
+
+
+def workspace_poses(
+    loaded: LoadedMachine, workspace: Workspace, count: int, to: Listener
+) -> tuple[Poses, tuple[str, ...]]:
+    """The same as poses of a machine at rest, and what is said of them. Raises BadInput where none can be reached."""
+    model, points = loaded.model, workspace_points(loaded, workspace, count, to)
+    at = replace(Rows.at(points.readings), partner=rows_before(model, len(points.readings)))
+    rows = at_rest(model, at)
+    return Poses(rows, np.ones(len(rows), dtype=bool), lambda row: RowOrigin(None, row + 1, "")), points.notes
 
 
 def out_of_workspace(loaded: LoadedMachine) -> BadInput:
@@ -61,7 +90,7 @@ def out_of_workspace(loaded: LoadedMachine) -> BadInput:
 
 
 def _by_coordinates(
-    model: Model, held: tuple[str, ...], spread: list[str], low: Array, high: Array, count: int
+    model: Model, held: tuple[str, ...], spread: Sequence[str], low: Array, high: Array, count: int
 ) -> Iterator[DrivePositions]:
     """Poses at coordinates between their limits."""
     columns = [DIRECTIONS.index(c) for c in spread]
@@ -88,6 +117,6 @@ def _by_drives(loaded: LoadedMachine, workspace: Workspace, count: int) -> Itera
 
 def _shares(width: int, count: int) -> Iterator[Array]:
     """Points (n, width) that fill the unit cube evenly, a run of them after another."""
-    size = _TRIED * count
-    for first in range(1, _ROUNDS * size, size):
+    size = min(max(count + count // 4, _FEWEST), _TOGETHER)
+    for first in range(1, _TRIED * count + 1, size):
         yield even_points(size, width, first)

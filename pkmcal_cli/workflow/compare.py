@@ -154,8 +154,7 @@ def _parameters(request: ComparisonRequest, kinds: list[str], limits: Sequence[G
     compared = _compared(known)
     change = None
     if (compared.test.dof and len(known) == 2) or compared.trend or limits:
-        with to.step("change of the tool point"):
-            change = tool_change(request.machine, files, known, compared.changes)
+        change = tool_change(request.machine, files, known, compared.changes, to)
     report = ComparisonReport(known, compared, change, request.alpha)
     for text in _warnings(known):
         to.warn(text)

@@ -151,7 +151,7 @@ def correction(request: CorrectionRequest, to: Listener, machine: LoadedMachine 
     for fault in loaded.warnings:
         to.warn(fault)
     stated = conditions(loaded.machine, request.at)
-    targets = read_targets(loaded, request.targets, request.grid, stated.values)
+    targets = read_targets(loaded, request.targets, request.grid, stated.values, to)
     model = loaded.model.for_sessions(targets.rows.session_names)
     start = load_parameters(model, request.parameters)
     for text in start.warnings:

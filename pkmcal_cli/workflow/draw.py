@@ -62,7 +62,7 @@ def run_drawing(request: DrawingRequest) -> int:
     require_forces(request.forces, loaded)
     for fault in loaded.warnings:
         to.warn(fault)
-    row = _row(request, loaded)
+    row = _row(request, loaded, to)
     loaded = loaded.for_sessions(row.rows.session_names)
     start = load_parameters(loaded.model, request.parameters)
     for text in start.warnings:
@@ -98,12 +98,12 @@ def _check(request: DrawingRequest) -> None:
     check_picture(request.output, inputs, force=request.force, option="-o")
 
 
-def _row(request: DrawingRequest, loaded: LoadedMachine) -> _Row:
+def _row(request: DrawingRequest, loaded: LoadedMachine, to: Reporter) -> _Row:
     """The row that is asked for. Raises BadInput where it is out of reach, UsageError where there is none."""
     if request.poses is None and request.grid is None:
         poses = reference_poses(loaded.model)
         return _Row(rows=poses.rows, number=0, row_origin=poses.row_origin(0), inputs={})
-    source = PoseSource(loaded=loaded, path=request.poses, grid=request.grid)
+    source = PoseSource(loaded=loaded, to=to, path=request.poses, grid=request.grid)
     seen, number, drawn = 0, request.row or 1, None
     for block in source:
         at = number - 1 - seen

@@ -75,7 +75,7 @@ class PoseSet:
 
 def pose_set(to: Listener, loaded: LoadedMachine, path: str | None, grid: str | None) -> PoseSet:
     """All poses of a table or grid. Raises BadInput with rows of a table that are out of reach."""
-    source = PoseSource(loaded=loaded, path=path, grid=grid)
+    source = PoseSource(loaded=loaded, to=to, path=path, grid=grid)
     poses = source.together()
     to.notes(source.notes)
     for text in source.travel_limits.warnings():
@@ -93,7 +93,7 @@ def default_poses(to: Listener, loaded: LoadedMachine) -> PoseSet:
     model = loaded.model
     at_reference = [note] if (note := resting(model)) else []
     if model.workspace is not None:
-        poses, notes = workspace_poses(loaded, model.workspace, _SPREAD)
+        poses, notes = workspace_poses(loaded, model.workspace, _SPREAD, to)
         tool = required_tool_point(loaded)
         summary = f"no poses given: {count(len(poses), 'pose')} spread over the workspace"
         to.notes([summary, tool.text, *notes, *at_reference])

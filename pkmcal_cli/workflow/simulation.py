@@ -56,7 +56,6 @@ class SimulationRequest:
     uncertainty: bool = False
     output: str | None = None
     plot: str | None = None
-    drawable: bool = False  # what a picture needs is kept, also where none is written
     as_json: bool = False
     quiet: bool = False
     force: bool = False
@@ -69,14 +68,19 @@ def checked(request: SimulationRequest) -> None:
         raise UsageError(f"--seed: {request.seed} is negative", hint="give a whole number from 0")
 
 
-def simulation(request: SimulationRequest, to: Listener, machine: LoadedMachine | None = None) -> Simulation:
-    """A simulation that is ready to run; `machine`: where it is loaded already. Raises PkmcalError."""
+def simulation(
+    request: SimulationRequest, to: Listener, machine: LoadedMachine | None = None, *, drawable: bool = False
+) -> Simulation:
+    """A simulation that is ready to run; `machine`: where it is loaded already. Raises PkmcalError.
+
+    drawable: what a picture needs is kept, also where none is written.
+    """
     checked(request)
     loaded = load_machine(request.machine) if machine is None else machine
     require_forces(request.forces, loaded)
     for fault in loaded.warnings:
         to.warn(fault)
-    source = PoseSource(loaded=loaded, path=request.poses, grid=request.grid)
+    source = PoseSource(loaded=loaded, to=to, path=request.poses, grid=request.grid)
     blocks = iter(source)
     first = next(blocks, None)  # so that its sessions are known, and the head can name the table with its sha256
     model = loaded.model.for_sessions(first.rows.session_names if first is not None else ())
@@ -99,7 +103,7 @@ def simulation(request: SimulationRequest, to: Listener, machine: LoadedMachine 
         loads=Loads(model=model),
         kept=KeptRows(
             model=model, values=start.values, method=request.method, forces_asked=request.forces,
-            drawable=request.plot is not None or request.drawable, tables=present(request.parameters, request.poses),
+            drawable=request.plot is not None or drawable, tables=present(request.parameters, request.poses),
         ),
     )  # fmt: skip
     if noise.silent:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pkmcal_cli.base.errors import BadInput
+from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.comparison import Changes
 from pkmcal_cli.loading.known_parameters import KnownParameters
@@ -26,7 +27,7 @@ _POSES = 200
 
 
 def tool_change(
-    machine: str | None, files: Sequence[str], known: Sequence[KnownParameters], changes: Changes
+    machine: str | None, files: Sequence[str], known: Sequence[KnownParameters], changes: Changes, to: Listener
 ) -> ToolChange | str:
     """Of the positions of the tool point, or why it cannot be told. Raises BadInput for a machine that was named."""
     loaded = load_machine(machine) if machine is not None else _machine(files, known)
@@ -40,7 +41,7 @@ def tool_change(
     if workspace is None or not model.tool_motion.shown:
         return "the machine declares no `workspace`"
     try:
-        poses, _ = workspace_poses(loaded, workspace, _POSES)
+        poses, _ = workspace_poses(loaded, workspace, _POSES, to)
     except BadInput:
         return "the machine reaches no pose of its workspace"
     values = model.nominal
