@@ -220,7 +220,7 @@ def _move(temporary: Path, path: Path, force: bool) -> None:
 
 
 def _exists(path: Path) -> OutputError:
-    return OutputError("the file already exists", str(path), "use `--force` to replace it")
+    return OutputError("the file already exists", str(path), "use `--force` to replace it (in Python `force=True`)")
 
 
 def takes_directly(target: Path | str) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import os
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,8 +12,8 @@ from typing import Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from pkmcal_cli.base.errors import OutputError
-from pkmcal_cli.base.files import sha256
+from pkmcal_cli.base.errors import OutputError, UsageError
+from pkmcal_cli.base.files import is_stream, readable, sha256
 from pkmcal_cli.base.outputs import check_target, takes_directly, write_text, write_together
 from pkmcal_cli.csv_files.guarded import guarded
 from pkmcal_cli.csv_files.origin import Origin, beside
@@ -22,6 +23,7 @@ Values = NDArray[Any] | Sequence[str]
 """A column (N,): numbers in SI, or texts."""
 
 _ROWS = 1 << 14
+_NO_TABLES = (".xlsx", ".xls", ".ods", ".pdf", ".html", ".png", ".svg", ".json", ".yaml", ".docx")
 
 
 class TableWriter:
@@ -95,10 +97,14 @@ def open_writer(
 def check_table(target: Path | str | None, inputs: Collection[str], *, force: bool = False) -> None:
     """Find out before the work whether a table, and the file beside it, could be written; None: none will be.
 
-    Neither replaces an input, nor the file beside one. Raises OutputError.
+    Neither replaces an input, nor the file beside one. Raises OutputError, and UsageError for a name that is another
+    kind of file's.
     """
     if target is None:
         return
+    if not is_stream(target) and os.path.splitext(target)[1].lower() in _NO_TABLES:
+        hint = "write FILE.csv: spreadsheets open it as it is"
+        raise UsageError(f"-o: `{readable(str(target))}`: a table is a CSV file", hint=hint)
     read = [*inputs, *(beside(name) for name in inputs)]
     check_target(target, read, force=force)
     if not takes_directly(target):

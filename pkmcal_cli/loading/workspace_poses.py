@@ -24,7 +24,7 @@ from pkmcal_cli.prediction.inverse_kinematics import DrivePositions, drive_posit
 from pkmcal_cli.prediction.rigid_pose import placed_tool_poses
 
 _TRIED = 64  # drawn at most, for each that is wanted
-_FEWEST, _TOGETHER = 64, 1024  # drawn at once
+_FEWEST, _TOGETHER = 64, 512  # drawn at once
 
 
 @dataclass(frozen=True, kw_only=True)

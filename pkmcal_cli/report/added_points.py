@@ -12,7 +12,7 @@ from pkmcal_cli.diagnosis.experiment_design import Aim, Chosen
 from pkmcal_cli.diagnosis.score import minimal_detectable
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.report.console import Reporter
-from pkmcal_cli.report.number_format import detectable_size, finite, plausible_share, readable
+from pkmcal_cli.report.number_format import detectable_size, finite, plausible_share, readable, to_digits
 from pkmcal_cli.report.parameters import parameter_unit
 from pkmcal_cli.units.unit_text import parse_unit
 
@@ -128,7 +128,7 @@ class Added:
     def _figure_text(self, model: Model, value: float) -> str:
         """An aim's figure: a size in its unit, or as a share of the plausible ones where effects differ."""
         if self.aim.kind == "determine":
-            return f"{value:.4g}"
+            return to_digits(value, 4)
         declared = [model.parameters[model.names.index(n)] for g in self.aim.parameters for n in g]
         alike = {(p.range, p.unit) for p in declared}
         if len(alike) == 1 and len(declared) == len(self.aim.parameters):

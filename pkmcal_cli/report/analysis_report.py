@@ -11,7 +11,7 @@ from pkmcal_cli.calibration.mean_sensitivity import NO_SHIFT, ParameterSensitivi
 from pkmcal_cli.calibration.observability_indices import Observability
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.report.console import Reporter, bar
-from pkmcal_cli.report.number_format import finite, readable, short
+from pkmcal_cli.report.number_format import finite, readable, short, to_digits
 from pkmcal_cli.report.parameters import combination_json, hold_text, parameter_unit, without
 from pkmcal_cli.units.file_units import FileUnits, Unit
 
@@ -61,7 +61,7 @@ def unit_along(units: FileUnits, coordinate: str) -> Unit:
 
 def _size(model: Model, parameter: ParameterSensitivity) -> str:
     unit = parameter_unit(model, parameter.name)
-    return f"+-{parameter.size / unit.scale:.4g} {unit.text}"
+    return f"+-{to_digits(parameter.size / unit.scale, 4)} {unit.text}"
 
 
 def sensitivity_json(model: Model, units: FileUnits, result: Sensitivity, coordinate: str | None) -> dict[str, Any]:
@@ -106,12 +106,12 @@ def show_observability(to: Reporter, model: Model, observability: Observability,
         selected, observability.std, observability.alone, directions.undetermined(), strict=True
     ):
         p, unit = model.parameters[model.names.index(name)], parameter_unit(model, name)
-        shown = "undetermined" if gone else f"{std / unit.scale:.3g} {unit.text}"
+        shown = "undetermined" if gone else f"{to_digits(std / unit.scale, 3)} {unit.text}"
         share = "" if gone else f"{std / p.range:.3f}"
         remark = "" if gone or std < p.range / 2 else "no better than its stated range"
         if not gone and held_by_range(std, alone):
-            remark = f"weak: {alone / unit.scale:.3g} {unit.text} from the data alone; held by its range"
-        table.append((name, f"+-{p.range / unit.scale:.4g} {unit.text}", shown, share, remark))
+            remark = f"weak: {to_digits(alone / unit.scale, 3)} {unit.text} from the data alone; held by its range"
+        table.append((name, f"+-{to_digits(p.range / unit.scale, 4)} {unit.text}", shown, share, remark))
     values = count(observability.count, "measured value")
     title = f"Expected standard uncertainty from {values} in {count(rows, 'position')}"
     to.table(title, ("parameter", "range", "standard uncertainty", "std/range", "remark"), table)

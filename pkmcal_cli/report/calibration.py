@@ -31,7 +31,7 @@ from pkmcal_cli.report.figures import figure_unit, figures_json, kind_label
 from pkmcal_cli.report.heldout_json import heldout_json
 from pkmcal_cli.report.joint_uncertainty import correlations, data_lines
 from pkmcal_cli.report.loads import Loads
-from pkmcal_cli.report.number_format import finite, readable, uncertain, unknown
+from pkmcal_cli.report.number_format import finite, readable, to_digits, uncertain, unknown
 from pkmcal_cli.report.parameters import (
     ParameterRow,
     combination_json,
@@ -292,4 +292,4 @@ def _far(row: ParameterRow) -> bool:
 
 
 def _criterion(figures: ErrorFigures, scale: float, unit: str) -> str:
-    return "-" if np.isnan(figures.criterion) else f"{figures.criterion / scale**2:.4g} {unit}^2"
+    return "-" if np.isnan(figures.criterion) else f"{to_digits(figures.criterion / scale**2, 4)} {unit}^2"

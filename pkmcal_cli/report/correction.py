@@ -21,7 +21,7 @@ from pkmcal_cli.model.model import Model
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.failed_rows import FailedRows, SkippedPoints
 from pkmcal_cli.report.loads import Loads
-from pkmcal_cli.report.number_format import finite, handy
+from pkmcal_cli.report.number_format import finite, handy, three_digits
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _SHOWN = 20  # targets without set values that are told one by one
@@ -151,7 +151,7 @@ class CorrectionReport:
         to.table("Largest forces of the drives; after = load + internal", head, rows)
         energy = [_mean(self._good(p.energy)) for p in (made.before, made.after)]
         energy = [0.0 if e < _NO_ENERGY else e for e in energy]
-        to.say(f"strain energy (mean): {energy[0]:.3g} J before, {energy[1]:.3g} J after")
+        to.say(f"strain energy (mean): {three_digits(energy[0])} J before, {three_digits(energy[1])} J after")
 
     def _unit(self, actuator: int) -> Unit:
         length = self.model.topology.moves_length(self.model.topology.drives[actuator])

@@ -14,7 +14,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.export_case import Draft, ExportCase, Format
 from pkmcal_cli.correction.strained_pose import StrainedPose
 from pkmcal_cli.report.console import Reporter
-from pkmcal_cli.report.number_format import finite, handy
+from pkmcal_cli.report.number_format import finite, handy, three_digits
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _KINDS = (("position", "um"), ("orientation", "urad"))
@@ -111,9 +111,9 @@ class ExportReport:
         title = f"Error of the tool point that remains at {count(len(self.case.usable), 'target')}"
         to.table(title, ("error", "with", "rms", "max", "u (rms)"), rows, left=2)
         if self.case.redundant:
-            e = self._energies
-            with_it = f"{e[EXPORT]:.3g} J with `{self.format.keyword}`"
-            to.say(f"strain energy (mean): {e[BEFORE]:.3g} J before, {with_it}, {e[CORRECTED]:.3g} J corrected")
+            before, with_it, after = (three_digits(self._energies[k]) for k in (BEFORE, EXPORT, CORRECTED))
+            by = f"with `{self.format.keyword}`"
+            to.say(f"strain energy (mean): {before} J before, {with_it} J {by}, {after} J corrected")
         to.notes(self.draft.notes)
         if left := len(self.case.made.good) - len(self.case.usable):
             to.warn(f"warning: not counted: {count(left, 'target')} without set values of the nominal machine")

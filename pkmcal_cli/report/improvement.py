@@ -13,7 +13,7 @@ from pkmcal_cli.diagnosis.search import MOST_EFFECTS
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.figures import figure_unit, figures_json, kind_label
 from pkmcal_cli.report.improved_files import ImprovedFiles
-from pkmcal_cli.report.number_format import finite, readable
+from pkmcal_cli.report.number_format import finite, readable, to_digits
 from pkmcal_cli.report.sentences import listed
 from pkmcal_cli.report.shape_text import ShapeText
 from pkmcal_cli.units.unit_text import Unit
@@ -168,7 +168,7 @@ class ImprovementReport(ImprovedFiles):
         """A line of the table before and after."""
         unit = figure_unit(self.machine, new)
         numbers = (old.rms, new.rms, old.largest, new.largest)
-        squares = (f"{f.criterion / unit.scale**2:.4g} {unit.text}^2" for f in (old, new))
+        squares = (f"{to_digits(f.criterion / unit.scale**2, 4)} {unit.text}^2" for f in (old, new))
         return (name, *(readable(x, unit) for x in numbers), *squares)
 
     def _stop(self) -> str:

@@ -42,7 +42,7 @@ def finite(value: float | None) -> float | None:
 
 def short(value: float) -> str:
     """Four significant digits; a dash for nan."""
-    return "-" if math.isnan(value) else f"{value:.4g}"
+    return "-" if math.isnan(value) else to_digits(value, 4)
 
 
 def readable(value: float, unit: Unit, like: float | None = None) -> str:
@@ -55,7 +55,7 @@ def readable(value: float, unit: Unit, like: float | None = None) -> str:
     small = {"length": ("um", 1e-4), "angle": ("urad", 1e-3)}.get(unit.dimension.name)
     if small is not None and 0 < abs(value if like is None else like) < small[1]:
         unit = parse_unit(small[0])
-    return f"{unit.from_si(value):.4g}{'' if unit.text == '1' else f' {unit.text}'}"
+    return f"{to_digits(unit.from_si(value), 4)}{'' if unit.text == '1' else f' {unit.text}'}"
 
 
 def plain_number(value: float) -> str:
@@ -64,9 +64,14 @@ def plain_number(value: float) -> str:
     return text or "0"
 
 
+def to_digits(value: float, digits: int) -> str:
+    """A number rounded to so many digits, as people write it."""
+    return plain_number(float(f"{value:.{digits}g}"))
+
+
 def three_digits(value: float) -> str:
-    """A number rounded to three digits, as people write it."""
-    return plain_number(float(f"{value:.3g}"))
+    """A number rounded to three digits."""
+    return to_digits(value, 3)
 
 
 _LARGER = {"um": "mm", "mm": "m", "urad": "mrad", "um/m": "mm/m", "urad/rad": "mrad/rad", "N": "kN"}

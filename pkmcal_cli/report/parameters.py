@@ -16,7 +16,7 @@ from pkmcal_cli.calibration.identifiability import PARTNER, Combination, Directi
 from pkmcal_cli.calibration.intervals import Intervals
 from pkmcal_cli.loading.parameter_text import exact_value
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.report.number_format import finite, handy, uncertain
+from pkmcal_cli.report.number_format import finite, handy, to_digits, uncertain
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _IN_PART = 0.1  # share of the variance from which on ranges are worth a word
@@ -52,7 +52,7 @@ class ParameterRow:
     @property
     def spread(self) -> str:
         """The range with its unit."""
-        return f"+-{self.range:.4g} {self.unit if self.unit != '1' else ''}".rstrip()
+        return f"+-{to_digits(self.range, 4)} {self.unit if self.unit != '1' else ''}".rstrip()
 
     def json(self) -> dict[str, object]:
         """As the JSON interface has it."""

@@ -14,7 +14,7 @@ from pkmcal_cli.calibration.verification import Verification
 from pkmcal_cli.loading.poses import RowOrigin
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.failed_rows import FailedRows
-from pkmcal_cli.report.number_format import finite, readable
+from pkmcal_cli.report.number_format import finite, readable, to_digits
 from pkmcal_cli.report.sentences import PARTLY, STANDS_ANYWHERE
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
@@ -88,7 +88,7 @@ class VerificationReport:
             return []
         unit, at = self.unit, self.row_origin(int(j.points.rows[k]))
         assert unit is not None
-        e, u = (f"{unit.from_si(float(x[k])):.4g}" for x in (j.points.errors, j.points.expanded))
+        e, u = (to_digits(unit.from_si(float(x[k])), 4) for x in (j.points.errors, j.points.expanded))
         return [f"largest position error: {e} {unit.text}, U {u} {unit.text} (k = 2), at {at}"]
 
     def _channels(self) -> list[dict[str, Any]]:

@@ -33,7 +33,8 @@ def check_tables(
         to.warn(fault)
     problem = problem_of(loaded.model, measured)
     values, row_origin = _values(problem, start), partial(origin_of, measured)
-    prediction = evaluate(problem, values).prediction
+    with to.step("rows as predicted"):
+        prediction = evaluate(problem, values).prediction
     lost = np.nonzero(~prediction.solved)[0]
     faults = [row_origin(int(k)).fault(prediction.reason(int(k))) for k in lost[:MAX_FAULTS]]
     with to.step("whether the table fits the machine"):
@@ -49,7 +50,8 @@ def check_tables(
         to.warn(f"warning: {text}")
     sessions = count(len(measured.sessions), "session")
     to.say(f"{count(len(problem), 'row')}, {count(problem.count, 'measured value')}, {sessions}")
-    loads = Loads.of(problem.model, problem.model.nominal, problem.rows, row_origin, prediction.start)
+    with to.step("what drives and ropes bear"):
+        loads = Loads.of(problem.model, problem.model.nominal, problem.rows, row_origin, prediction.start)
     loads.show(to)
     far = [] if start.inputs or hints or lost.size else nominal.warnings  # these reasons come first
     for text in far:

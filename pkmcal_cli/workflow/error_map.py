@@ -17,7 +17,7 @@ from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_channels import tcp_model
 from pkmcal_cli.prediction import Request, Rows, WarmStart, predict
 from pkmcal_cli.prediction.unknown_shapes import between_knots
-from pkmcal_cli.report.number_format import finite
+from pkmcal_cli.report.number_format import finite, three_digits
 from pkmcal_cli.units.measurands import Measurand
 
 
@@ -85,8 +85,9 @@ class ErrorMap:
             return "uncertainty of the TCP position: not available (no position)"
         rms = np.sqrt(self.squares / self.rows) / 1e-6
         largest, where = self.worst[0] / 1e-6, self.worst[1]
+        size = f"{three_digits(rms)} um rms, largest {three_digits(largest)} um"
         return (
-            f"uncertainty of the TCP position from the calibration: {rms:.3g} um rms, largest {largest:.3g} um at "
+            f"uncertainty of the TCP position from the calibration: {size} at "
             f"{where} (standard uncertainties; twice that for 95 %)"
         )
 

@@ -198,7 +198,8 @@ def _approached(
     stated_sides = np.zeros(rows.readings.shape) if poses.poses.sides is None else np.nan_to_num(poses.poses.sides)
     resting = with_directions(rows, names)
     places = tcp_places(model, values, resting)
-    ways = approaches(model, values, resting, places, np.random.default_rng([request.seed, 1]), stated_sides)
+    with to.step("how points are approached"):
+        ways = approaches(model, values, resting, places, np.random.default_rng([request.seed, 1]), stated_sides)
     if ways.refused:
         poses = poses.without(ways.refused)  # told with those that cannot be predicted
         kept = np.delete(np.arange(len(rows)), list(ways.refused))
