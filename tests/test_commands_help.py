@@ -150,13 +150,14 @@ def test_without_arguments_the_help_is_shown_as_an_error() -> None:
 
 
 @pytest.mark.parametrize(
-    "words", [("--plot", "a.svg", "--plot", "b.svg"), ("--plot=a.svg", "--plot", "b.svg"), ("-p", "a", "--parameters", "b")]
+    "words",
+    [("--plot", "a.svg", "--plot", "b.svg"), ("--plot=a.svg", "--plot", "b.svg"), ("-p", "a", "--parameters", "b")],
 )
 def test_an_option_with_one_value_is_given_once(words: tuple[str, ...]) -> None:
     """The last one would count, and the first be lost without a word."""
     done = run("simulate", "triglide", *words)
     assert done.code == 2 and "is given twice" in done.err and "help: give it once" in done.err
-    assert run("observability", "triglide", "--offset", 'q1="1 um"', "--offset", 'q2="1 um"', "-q").code != 2
+    assert run("observability", "triglide", "--offset", "q1=1 um", "--offset", "q2=1 um", "-q").code != 2
 
 
 def test_the_version() -> None:

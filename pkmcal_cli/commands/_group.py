@@ -58,22 +58,23 @@ class Subcommands(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """The command that is named on the command line."""
         name, command, remaining = super().resolve_command(ctx, args)
-        if name is not None:
-            command = _whole(name)
-            if not ctx.resilient_parsing:  # which proposes words
-                _check_once(command, remaining)
-        return name, command, remaining
+        if name is None:
+            return name, command, remaining
+        whole = _whole(name)
+        if not ctx.resilient_parsing:  # which proposes words
+            _check_once(whole, remaining)
+        return name, whole, remaining
 
 
 def _check_once(command: Any, words: list[str]) -> None:
     """Whether each option with one value is there once: the last of several would count. Raises UsageError."""
     options = words[: words.index("--")] if "--" in words else words
-    for one in command.params:
-        if isinstance(one, typer.core.TyperOption) and not (one.multiple or one.is_flag):
-            if sum(word.partition("=")[0] in one.opts for word in options) > 1:
-                from pkmcal_cli.base.errors import UsageError
+    single = [p for p in command.params if isinstance(p, typer.core.TyperOption) and not (p.multiple or p.is_flag)]
+    for one in single:
+        if sum(word.partition("=")[0] in one.opts for word in options) > 1:
+            from pkmcal_cli.base.errors import UsageError
 
-                raise UsageError(f"{one.opts[-1]} is given twice", hint="give it once")
+            raise UsageError(f"{one.opts[-1]} is given twice", hint="give it once")
 
 
 def _function(name: str) -> Callable[..., None]:
