@@ -65,7 +65,10 @@ def hangprinter() -> None:
     turns = np.degrees(measured.actuators) / 360
     residuals = [(title, length_residuals(problem, values) * 1e3) for title, values in stages]  # (N, 4), mm
 
+    source = "hangprinter.yaml, hangprinter_2021-12-16.csv"
+
     def draw(figure: Figure) -> None:
+        figure.suptitle(source, fontsize=10, weight="bold")
         axes = figure.subplots(1, 3, sharey=True)
         for axis, (title, residual) in zip(axes, residuals, strict=True):
             _panel(axis, turns, residual)
@@ -73,8 +76,7 @@ def hangprinter() -> None:
         axes[0].set_ylabel("line length, measured - predicted [mm]")
         axes[0].legend(fontsize=8)
 
-    title = "hangprinter.yaml, hangprinter_2021-12-16.csv"
-    picture = Picture("hangprinter", title, "Line lengths, measured minus predicted.", (10.0, 3.2), draw)
+    picture = Picture("hangprinter", source, "Line lengths, measured minus predicted.", (10.0, 3.5), draw)
     write_picture(picture, str(ROOT / "docs/hangprinter.svg"), (), force=True)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration.condensed import in_parts
+from pkmcal_cli.calibration.condensed import condensed, in_parts
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
@@ -28,6 +28,7 @@ _NORMAL_VALUES = 2000
 _NORMAL = 1.4826  # standard deviations per median absolute deviation
 _STANDSTILL = 1e-3
 _ROUNDS = 30
+_SETTLED = 1e-3  # of a mean square: parameters are within some hundredths of their standard uncertainties
 _OFF = 3.5  # standard uncertainties from which on a value is told as doubtful
 _LEAST = 1e-8  # weight of a value that is left out
 NEGLIGIBLE = 10 * _LEAST
@@ -110,6 +111,8 @@ def identify_robustly(problem: Problem, first: Fit, loss: Loss) -> RobustFit:
             change, weight = float(np.abs(fresh - weight).max(initial=0.0)), fresh
             if change < _STANDSTILL:
                 break
+    if fit.stopped == "no_descent" and _remaining(weighted, fit) < _SETTLED:
+        fit = replace(fit, status="converged", stopped="gradient")
     white, _ = _deviations(problem, fit)
     spread, gain = _efficiency(loss, (white / scale)[problem.measured])
     moved = int((~fit.directions.held).sum())
@@ -119,6 +122,16 @@ def identify_robustly(problem: Problem, first: Fit, loss: Loss) -> RobustFit:
     spread = size * max(spread / freedom, least)  # never narrower than the stated sigma says
     fit = replace(fit, before=first.before, directions=replace(fit.directions, spread=spread), failed=failed)
     return RobustFit(fit, weighted, _doubtful(weighted, fit, scale), scale, loss, gain)
+
+
+def _remaining(weighted: Problem, fit: Fit) -> float:
+    """By how much a step could still lower chi-square, in mean squares of what is left.
+
+    Where drives have errors, residuals are whitened by what depends on the parameters, and no step sees that.
+    """
+    near, found = condensed(weighted, fit.last), fit.directions
+    basis, _ = np.linalg.qr(near.jacobian * found.ranges @ found.vectors[~found.held].T)
+    return float(((basis.T @ near.residual) ** 2).sum()) / max(fit.chi2 / max(fit.dof, 1), 1.0)
 
 
 def _deviations(problem: Problem, fit: Fit) -> tuple[Array, Array]:

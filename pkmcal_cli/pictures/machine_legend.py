@@ -23,6 +23,7 @@ POINTS: dict[str, dict[str, Any]] = {
     "node": {"marker": "o", "mfc": FITTED, "mec": FITTED, "ms": 3},
     "joint or end of a member": {"marker": "o", "mfc": "white", "mec": FITTED, "ms": 4},
 }
+_AT = 1e-6  # of the machine's size: as near is the same place
 _COLUMNS, _LINE, _BELOW = 2, 0.17, 0.05  # inches, of an entry and below all of them
 
 
@@ -32,7 +33,15 @@ def marked_points(shape: MachineShape) -> dict[str, list[str]]:
     between = [p for names in members(shape.machine).values() for p in names]
     ends = [n for n in dict.fromkeys([*between, *shape.joints]) if n not in base and n not in nodes]
     marked = {"base": list(base), "node": list(nodes), "joint or end of a member": ends}
-    return {kind: [n for n in names if n in shape.actual.places and n != shape.tool] for kind, names in marked.items()}
+    shown = {n for n in shape.actual.places if n != shape.tool and not _covered(shape, n)}
+    return {kind: [n for n in names if n in shown] for kind, names in marked.items()}
+
+
+def _covered(shape: MachineShape, name: str) -> bool:
+    """Whether the mark of a drive lies on a point."""
+    at = shape.actual.places[name]
+    drives = (shape.at_drive(drive, shape.actual) for drive in shape.readings)
+    return any(float(np.linalg.norm(at - drive)) <= _AT * shape.length for drive in drives)
 
 
 def legend_height(shape: MachineShape, forces: bool) -> float:

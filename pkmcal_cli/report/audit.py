@@ -16,6 +16,7 @@ from pkmcal_cli.report.number_format import readable
 from pkmcal_cli.units.unit_text import parse_unit
 
 _SHOWN = 12
+_MANY = 0.1  # share of rows that are far off, above which they are no accidents
 _GROSS = 6.0  # standard uncertainties from which on a robust loss is worth a word
 
 
@@ -40,7 +41,14 @@ class Audit:
         if len(worst) > _SHOWN:
             to.say(f"... and {len(worst) - _SHOWN} more (--json lists all)")
         if not robust:
-            to.warn(f"warning: {count(len(worst), 'gross outlier')}: `--loss tukey` down-weights outliers")
+            to.warn(f"warning: {self._advice(len(worst))}")
+
+    def _advice(self, rows: int) -> str:
+        """What to do about so many rows that are far off."""
+        every = len(self.robust.problem)
+        if rows > max(_MANY * every, 2.0):
+            return f"{rows} of {every} rows are far off: what the model lacks looks like that too (`pkmcal diagnose`)"
+        return f"{count(rows, 'gross outlier')}: `--loss tukey` down-weights outliers"
 
     def _row(self, d: Doubtful) -> tuple[str, ...]:
         channel = self.model.channels[d.channel]

@@ -28,7 +28,7 @@ from pkmcal_cli.report.visibility import VisibilityReport
 
 _SEPARATED = 4  # effects at most that one measurement is planned for
 _MAPPED = 0.05  # share of the variance that a map must explain to be told of
-_CLEAR, _OVERWHELMING = 3.0, 10.0  # log Bayes factors
+_CLEAR, OVERWHELMING = 3.0, 10.0  # log Bayes factors
 _LIKE_NOISE = "no effect found; sigma is too small, or the missing effect looks like noise"
 _BEYOND = "an effect explains the residuals, but its size is implausible; the true cause may be another"
 _SMALLEST = 1e-12  # p value that is told as a number
@@ -283,4 +283,4 @@ def _share(finding: Finding) -> str:
 
 
 def _words(evidence: float) -> str:
-    return "weak" if evidence < _CLEAR else "clear" if evidence < _OVERWHELMING else "overwhelming"
+    return "weak" if evidence < _CLEAR else "clear" if evidence < OVERWHELMING else "overwhelming"

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
 from pkmcal_cli.effects import catalogue
+from pkmcal_cli.report.diagnosis import OVERWHELMING
 from pkmcal_cli.report.figures import figure_unit, kind_label
 from pkmcal_cli.report.number_format import readable
 from pkmcal_cli.report.sentences import cause_effect_action, command, listed
@@ -34,6 +35,12 @@ _FILES = (
     "`improve` writes improved.yaml and improved.params.yaml. TARGETS.csv lists the poses that are wanted, one a row, "
     "in columns as the measurements have them{circumstances}. Run the set values of commands.csv instead of those that "
     "the control computes."
+)
+_ALONE = "off by itself, by more than any cause explains; not used"
+_AGAIN = "Command the same set values from the same side; the new reading replaces the row in the table."
+_AFTER = (
+    "AFTER.csv: columns as the measurements have them; in those of the drives the set values that were run, in the "
+    "others what was read."
 )
 _ERROR = "Error"  # title of the table that the sheet has in a form of its own
 
@@ -83,7 +90,8 @@ def errors(results: Results) -> Section | None:
             names = ", ".join(h.name for h in improvement.accepted)
             rows += _figures(results, f"calibrated with {names}", "held out", improvement.after.report)
         remark = f"Held out: {improvement.rotations} parts of the table in turn, each predicted by a calibration and a "
-        remark += "search for causes in the other rows. Position errors are distances in space, or in the plane."
+        remark += "search for causes in the other rows. Position errors are distances in space, or in the plane; the "
+        remark += "instrument's own noise is in all of them."
     elif not isinstance(held, str):
         rows += _figures(results, "calibrated", "held out", held.after)
     table = Table("", ("state", "on", "error", "rms", "largest"), tuple(rows), left=3)
@@ -175,7 +183,7 @@ def next_steps(results: Results) -> Section | None:
     machine, table = results.machine.files[0][0], results.measured.files
     if results.bad_rows:
         again = ", ".join(results.row_text(row) for row in results.bad_rows)
-        blocks.append(Text(f"Measure again: {again} (off by itself, by more than any cause explains; not used)."))
+        blocks.append(Text(f"Measure again: {again} ({_ALONE}). {_AGAIN}"))
     if report is not None and report.diagnosis.findings:
         rows = []
         for f in report.diagnosis.findings:
@@ -226,10 +234,23 @@ def _next_measurement(results: Results) -> list[Block]:
         text = "After correction, measure again and hand over the sheet with both tables:"
         limit = () if results.tolerance is None else ("--tolerance", f"{results.length_text(results.tolerance[0])}")
         files = (*results.measured.files, "--after", "AFTER.csv")
-        return [Text(text), Text(command("report", machine, *files, *results.fit_words, *limit), "command")]
+        report_again = Text(command("report", machine, *files, *results.fit_words, *limit), "command")
+        return [*_more_surely(results), Text(text), report_again, Text(_AFTER, "note")]
     text = "To find out later whether the machine has changed, measure some of these points again, and compare:"
     compared = Text(command("check", machine, "LATER.csv", *_IDENTIFIED), "command")
     return [Text(text), _identification(results), compared]
+
+
+def _more_surely(results: Results) -> list[Block]:
+    """Points that tell causes from the next best, where that is not beyond doubt."""
+    findings = [] if results.diagnosis is None else results.diagnosis.diagnosis.findings
+    near = [(f, f.runner_up) for f in findings if f.runner_up is not None and f.runner_up.log_odds < OVERWHELMING]
+    blocks: list[Block] = []
+    for finding, other in near:
+        pair = f"{finding.hypothesis.name},{other.hypothesis.name}"
+        aim = command("plan", results.machine.files[0][0], *results.measured.files[-1:], "--aim", f"separate:{pair}")
+        blocks += [Text(f"Points that tell {pair.replace(',', ' from ')} more surely:"), Text(aim, "command")]
+    return blocks
 
 
 def provenance(results: Results) -> Section | None:
