@@ -157,6 +157,7 @@ def test_an_option_with_one_value_is_given_once(words: tuple[str, ...]) -> None:
     """The last one would count, and the first be lost without a word."""
     done = run("simulate", "triglide", *words)
     assert done.code == 2 and "is given twice" in done.err and "help: give it once" in done.err
+    assert run("calibrate", "triglide", "nope.csv", "--holdout", "none", "--holdout", "none").code == 3, "the same"
     assert run("observability", "triglide", "--offset", "q1=1 um", "--offset", "q2=1 um", "-q").code != 2
 
 

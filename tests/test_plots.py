@@ -268,7 +268,10 @@ def test_every_command_draws_beside_its_result(name: str, tmp_path: Path, monkey
     assert done.json.keys() == plain_run.json.keys()
     text = Path("p.svg").read_text(encoding="utf-8")
     assert ET.fromstring(text).tag.endswith("svg") and "mathdefault" not in text
-    kept = run(*line, "-q", "--plot", "p.svg", *(["-o", "u.csv"] if "-o" in line else []))
+    again = [*line]
+    if "-o" in again:
+        again[again.index("-o") + 1] = "u.csv"
+    kept = run(*again, "-q", "--plot", "p.svg")
     assert kept.code == 4 and "use `--force` to replace it" in kept.err and not Path("u.csv").exists()
 
 

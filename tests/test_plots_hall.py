@@ -38,7 +38,7 @@ def test_what_solving_leaves_is_not_shown_as_errors() -> None:
     """2e-12 m of 2 mm: rounding of the set values, neither magnified nor a number with eight zeros."""
     with figure_of(error_map([corrected(1e-9)], TITLES, MM)) as (figure, texts):
         assert len([q for q, _ in quivers(figure) if len(grid()) == q.N]) == 2
-        assert "corrected: none" in {t.text for t in texts}
+        assert "corrected: 0 um rms" in {t.text for t in texts}
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.optimize import fsolve
 
+from pkmcal_cli.base.listener import Record
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.loading.load_machine import load_machine
 from pkmcal_cli.loading.workspace_poses import workspace_poses
@@ -249,7 +250,7 @@ def test_poses_spread_over_drives_are_on_the_branch_of_the_machine(monkeypatch: 
     monkeypatch.setattr(rigid_pose, "common_pose", lambda *_: pytest.fail("what redundant drives read plays no part"))
     loaded, whole = load_machine(str(MACHINES / "triglide.yaml")), np.full(6, np.inf)
     travel = np.array([[-0.3, 0.5], [0.3, 1.1], [0.6, 1.4]])
-    poses, _ = workspace_poses(loaded, Workspace(-whole, whole, None, travel), 40)
+    poses, _ = workspace_poses(loaded, Workspace(-whole, whole, None, travel), 40, Record())
     readings = poses.rows.readings
     place = truth("triglide").forward(readings).tcp[:, :2]
     assert len(readings) == 40 and np.ptp(readings[:, :2], axis=0).min() > 0.5

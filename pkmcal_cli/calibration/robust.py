@@ -28,7 +28,7 @@ _NORMAL_VALUES = 2000
 _NORMAL = 1.4826  # standard deviations per median absolute deviation
 _STANDSTILL = 1e-3
 _ROUNDS = 30
-_SETTLED = 1e-3  # of a mean square: parameters are within some hundredths of their standard uncertainties
+_NO_STEP = 1e-3  # of a mean square: parameters are within some hundredths of their standard uncertainties
 _OFF = 3.5  # standard uncertainties from which on a value is told as doubtful
 _LEAST = 1e-8  # weight of a value that is left out
 NEGLIGIBLE = 10 * _LEAST
@@ -111,7 +111,7 @@ def identify_robustly(problem: Problem, first: Fit, loss: Loss) -> RobustFit:
             change, weight = float(np.abs(fresh - weight).max(initial=0.0)), fresh
             if change < _STANDSTILL:
                 break
-    if fit.stopped == "no_descent" and _remaining(weighted, fit) < _SETTLED:
+    if fit.stopped == "no_descent" and _remaining(weighted, fit) < _NO_STEP:
         fit = replace(fit, status="converged", stopped="gradient")
     white, _ = _deviations(problem, fit)
     spread, gain = _efficiency(loss, (white / scale)[problem.measured])
@@ -129,8 +129,8 @@ def _remaining(weighted: Problem, fit: Fit) -> float:
 
     Where drives have errors, residuals are whitened by what depends on the parameters, and no step sees that.
     """
-    near, found = condensed(weighted, fit.last), fit.directions
-    basis, _ = np.linalg.qr(near.jacobian * found.ranges @ found.vectors[~found.held].T)
+    near, directions = condensed(weighted, fit.last), fit.directions
+    basis, _ = np.linalg.qr(near.jacobian * directions.ranges @ directions.vectors[~directions.held].T)
     return float(((basis.T @ near.residual) ** 2).sum()) / max(fit.chi2 / max(fit.dof, 1), 1.0)
 
 

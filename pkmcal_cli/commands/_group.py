@@ -67,11 +67,16 @@ class Subcommands(TyperGroup):
 
 
 def _check_once(command: Any, words: list[str]) -> None:
-    """Whether each option with one value is there once: the last of several would count. Raises UsageError."""
+    """Whether no option with one value is there with several: the last would count. Raises UsageError."""
     options = words[: words.index("--")] if "--" in words else words
     single = [p for p in command.params if isinstance(p, typer.core.TyperOption) and not (p.multiple or p.is_flag)]
     for one in single:
-        if sum(word.partition("=")[0] in one.opts for word in options) > 1:
+        values = set()
+        for k, word in enumerate(options):
+            name, equals, value = word.partition("=")
+            if name in one.opts:
+                values.add(value if equals else "".join(options[k + 1 : k + 2]))
+        if len(values) > 1:
             from pkmcal_cli.base.errors import UsageError
 
             raise UsageError(f"{one.opts[-1]} is given twice", hint="give it once")

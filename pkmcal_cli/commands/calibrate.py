@@ -68,8 +68,7 @@ def calibrate(
         pkmcal calibrate triglide machines/triglide.csv -o triglide.params.yaml
         pkmcal calibrate hangprinter machines/hangprinter_2021-12-16.csv \\
             machines/hangprinter_2022-04-12.csv
-        pkmcal simulate biglide machines/biglide.csv --noise declared \\
-            | pkmcal calibrate biglide - --json
+        cat machines/biglide.csv | pkmcal calibrate biglide - --json
     """
     options = locals()
     from pkmcal_cli.calibration.complete_fit import FitOptions

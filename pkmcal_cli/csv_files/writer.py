@@ -23,7 +23,7 @@ Values = NDArray[Any] | Sequence[str]
 """A column (N,): numbers in SI, or texts."""
 
 _ROWS = 1 << 14
-_NO_TABLES = (".xlsx", ".xls", ".ods", ".pdf", ".html", ".png", ".svg", ".json", ".yaml", ".docx")
+_NO_TABLES = (".xlsx", ".xls", ".ods", ".pdf", ".html", ".docx")  # what a table would be taken for by its name
 
 
 class TableWriter:

@@ -71,10 +71,8 @@ def checked(request: SimulationRequest) -> None:
 def simulation(
     request: SimulationRequest, to: Listener, machine: LoadedMachine | None = None, *, drawable: bool = False
 ) -> Simulation:
-    """A simulation that is ready to run; `machine`: where it is loaded already. Raises PkmcalError.
-
-    drawable: what a picture needs is kept, also where none is written.
-    """
+    """A simulation that is ready to run; `machine`: where it is loaded already; `drawable`: what a picture needs is
+    kept, also where none is written. Raises PkmcalError."""
     checked(request)
     loaded = load_machine(request.machine) if machine is None else machine
     require_forces(request.forces, loaded)
