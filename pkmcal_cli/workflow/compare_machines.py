@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pkmcal_cli.base.errors import BadInput, Location
+from pkmcal_cli.base.errors import BadInput, Fault, Location
 from pkmcal_cli.base.plural import count
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.complete_fit import FitOptions, refit
 from pkmcal_cli.calibration.errors_before_after import kinds_of
 from pkmcal_cli.calibration.holdout import fold_labels, replicate_groups
+from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.paired_errors import PairedErrors, held_out_squares, paired
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.gross_errors.hints import nothing_measured
-from pkmcal_cli.loading.load_machine import load_machine, load_measurements
+from pkmcal_cli.calibration.residual import evaluate
+from pkmcal_cli.gross_errors.hints import measurement_hints, nothing_measured, rows_far_off, sample_at
+from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine, load_measurements
+from pkmcal_cli.loading.poses import origin_of
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.figures import unit_of
 from pkmcal_cli.report.number_format import finite, readable
@@ -24,7 +30,9 @@ from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.units.unit_text import Unit
 from pkmcal_cli.workflow.arguments import selection
 from pkmcal_cli.workflow.determined import determined
+from pkmcal_cli.workflow.gross_row_reasons import rows_beyond_noise
 
+_LISTED = 5  # rows
 _FOLDS = 5
 
 
@@ -73,24 +81,69 @@ def compare_machines(first: str, second: str, tables: tuple[str, ...], to: Repor
     for m, p in zip(loaded, problems, strict=True):
         if not p.count:
             raise BadInput([nothing_measured(m, p)])
+    problems = _without_gross_rows(problems, measured[0], to)
+    _check_plausible(loaded, problems, measured)
     labels, scheme = _folds(problems[0], measured[0])
     kinds = [kinds_of(p.model) for p in problems]
     kind = next((k for k in kinds[0] if k in kinds[1] and problems[0].measured[:, kinds[0][k]].any()), None)
     if kind is None:
         raise BadInput.single("the machines measure nothing of one kind", Location(tables[0]), code="measurements")
-    squares = []
-    for name, p, columns in zip((first, second), problems, (k[kind] for k in kinds), strict=True):
-        selected = selection(p.model, "auto")
-        asked = determined(p.model.name, p, p.model.nominal, selected)
-        with to.step(f"{name} on held-out rows"):
-            squares.append(held_out_squares(p, asked.selected, p.model.nominal, labels, columns))
+    squares = [
+        _squares(name, p, k[kind], labels, to) for name, p, k in zip((first, second), problems, kinds, strict=True)
+    ]
     errors = paired(squares[0], squares[1], replicate_groups(problems[0]))
     if not errors.count:
         raise BadInput.single("no row can be predicted by both machines", Location(tables[0]), code="measurements")
-    if errors.count < len(problems[0]):
-        to.warn(f"warning: {len(problems[0]) - errors.count} of {len(problems[0])} rows are not predicted by both")
+    rows = int(problems[0].measured.any(axis=1).sum())
+    if errors.count < rows:
+        to.warn(f"warning: {rows - errors.count} of {rows} rows are not predicted by both")
     dimension = problems[0].model.channels[kinds[0][kind][0]].dimension
     return MachineComparison((first, second), kind, unit_of(loaded[0].machine, dimension), errors, scheme)
+
+
+def _without_gross_rows(problems: list[Problem], measured: Measurements, to: Reporter) -> list[Problem]:
+    """The problems without rows that contradict the others for both machines: these are of no model."""
+    with to.step("rows beyond noise"):
+        gross = [
+            set(rows_beyond_noise(p, selection(p.model, "auto"), p.model.nominal, evaluate(p, p.model.nominal).start))
+            for p in problems
+        ]
+    both = sorted(gross[0] & gross[1])
+    if both:
+        listed = ", ".join(str(origin_of(measured, row)) for row in both[:_LISTED])
+        more = f" and {len(both) - _LISTED} more" if len(both) > _LISTED else ""
+        to.warn(f"warning: {count(len(both), 'row')} far from what the others predict left out: {listed}{more}")
+    return [p.without(both) for p in problems]
+
+
+def _check_plausible(
+    loaded: Sequence[LoadedMachine], problems: Sequence[Problem], tables: Sequence[Measurements]
+) -> None:
+    """Whether the table fits at least one machine. Raises BadInput with its gross mistakes: nothing is told by them."""
+    hints = []
+    for machine, problem, measured in zip(loaded, problems, tables, strict=True):
+        sample = sample_at(machine, problem, problem.model.nominal)
+        messages = measurement_hints(machine, problem, problem.model.nominal, measured, sample=sample)
+        hints.append(messages or rows_far_off(sample, measured))
+    if all(hints):
+        raise BadInput([Fault("plausibility", text, Location(tables[0].files[0])) for text in hints[0]])
+
+
+def _squares(machine: str, problem: Problem, columns: list[int], folds: NDArray[np.intp], to: Reporter) -> Array:
+    """Squared errors of held-out rows. Raises BadInput where not even all rows together can be fitted."""
+    model = problem.model
+    selected = determined(model.name, problem, model.nominal, selection(model, "auto")).selected
+    with to.step(f"{machine} on all rows"):
+        try:
+            whole = refit(FitOptions(), problem, selected, model.nominal)
+            why = "" if whole.usable else f" ({whole.status})"
+        except RowsFailed:
+            why = ": it reaches too few of them"
+    if why:
+        message = f"the calibration of this machine by all rows does not succeed{why}"
+        raise BadInput.single(message, Location(machine), "`pkmcal calibrate` says more", "measurements")
+    with to.step(f"{machine} on held-out rows"):
+        return held_out_squares(problem, selected, model.nominal, folds, columns)
 
 
 def _folds(problem: Problem, measured: Measurements) -> tuple[NDArray[np.intp], str]:

@@ -43,8 +43,6 @@ OPTIONS: Lines = {
     "plan {m} {t} --points 1 --seed 2 --as gcode": 1, "diagnose {m} {t} --alpha 0.05": 2,
     "improve {m} {t} -o {o}.yaml": 1, "report {m} {t} --tolerance 20um -o {o}.html": 1,
 }  # fmt: skip
-FITS = ("calibrate", "improve", "report", "diagnose", "compare {m}")
-"""Lines that fit: with redundant drives that may take minutes where columns are wrong (rows are tried in all poses)."""
 _WORDS = (
     "", " ", "-", "--", "0", "-1", "1.5", "1e3", "1e400", "nan", "inf", "x", "x=1", "x=0:1:0", "x=1:0:3", "x=::", "y=2",
     "x=0:1", "x=1:2:3:4", "x=0:500:2,x=1:2:2", "5,5", ",", "10 parsec", "20 um", "20um", "5 N", "+- 1", "é", "µm", "*",
