@@ -4,6 +4,7 @@ A Triglide without redundancy, from nine even points on, until l1 is known to 25
 simulator and added to the table. Compared with an even grid, and with a fixed D-optimal plan that knows beforehand what
 will happen. It would stop too early if the true error were beyond 1.96 times what is wanted in more than 5 % of runs.
 The two that it is compared with are medians of every fourth run. Without argument 200 runs of each case (90 minutes).
+With `least` instead: rows below which no plan can be, by the c-optimal design of points in the box (Elfving 1952).
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.complete_fit import FitOptions, calibrated
 from pkmcal_cli.calibration.problem import design_problem
+from pkmcal_cli.calibration.residual import evaluate, linearise
 from pkmcal_cli.diagnosis.experiment_design import Aim, best_points, whitened_blocks, with_rows
 from pkmcal_cli.diagnosis.linear import linear_problem
 from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine
@@ -30,6 +32,7 @@ from tests.command import MACHINES
 from tests.truth.generate import campaigns, grid
 
 NAME, LIMIT, SIGMA, BUDGET, RUNS = "l1", 25e-6, 10e-6, 400, 200
+_ITERATIONS = 3000  # of the multiplicative algorithm (Titterington 1976)
 POOL = 3000  # candidates of the plan that knows
 LEAD = 5e-3  # m
 MACHINE = str(MACHINES / "triglide-nonredundant.yaml")
@@ -184,6 +187,22 @@ class Knowing:
         added = pool.rows.readings[order]
         return next(len(start) + k for k in range(BUDGET) if self.std(np.vstack([start, added[:k]])) <= LIMIT)
 
+    def least(self) -> float:
+        """Rows that the best design of a very fine grid needs, were they as many as one likes of a row's parts."""
+        machine, model = campaigns()["triglide-nonredundant"].machine, self.loaded.model
+        readings = machine.inverse(grid((*BOX[0], 40), (*BOX[1], 40)))
+        problem = design_problem(model, Rows.at(readings[self.seen(readings)]))
+        near = linearise(problem, evaluate(problem, self.values, self.selected))
+        ranges = np.array([p.range for p in model.parameters if p.name in self.selected])
+        rows = (near.jacobian * ranges).reshape(len(problem), -1, len(ranges))  # (N, C, p)
+        about, share = np.einsum("nci,ncj->nij", rows, rows), np.full(len(rows), 1 / len(rows))
+        wanted = np.array(self.selected) == NAME
+        for _ in range(_ITERATIONS):
+            per_row = np.linalg.solve(np.einsum("n,nij->ij", share, about), wanted.astype(float))
+            share *= np.sqrt(np.einsum("i,nij,j->n", per_row, about, per_row))
+            share /= share.sum()
+        return float(per_row @ wanted) * (float(ranges @ wanted) / LIMIT) ** 2
+
     def seen(self, readings: Array) -> NDArray[np.bool_]:
         """Whether something can be measured (N,)."""
         values = measured(readings, self.case, self.seed, self.true, np.random.default_rng(0))
@@ -209,6 +228,13 @@ def line(case: Case, runs: int) -> str:
     return f"| {case.name} | {rows:g} | {ratios} | {rms:.1f} um | {100 * early:.1f} % | {runs} |"
 
 
+def bounds() -> None:
+    """Print rows below which no plan can be, by case."""
+    with tempfile.TemporaryDirectory() as folder:
+        for case in CASES:
+            print(f"{case.name}: {Knowing.of(case, 0, Path(folder)).least():.1f}")
+
+
 def main(runs: int) -> None:
     """Print the page."""
     print((__doc__ or "").strip())
@@ -218,4 +244,7 @@ def main(runs: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else RUNS)
+    if sys.argv[1:] == ["least"]:
+        bounds()
+    else:
+        main(int(sys.argv[1]) if len(sys.argv) > 1 else RUNS)
