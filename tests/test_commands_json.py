@@ -38,7 +38,7 @@ NAMED = {
     "heldout.after": "KIND", "channels_before": "CHANNEL", "channels_after": "CHANNEL",
     "points[]": "COLUMN", "steps[].fit": "KIND", "steps[].choose": "KIND", "steps[].report": "KIND",
     "loads.slack.ropes": "ROPE", "uncertainty.noise": "INSTRUMENT", "uncertainty.ranges.factors": "KIND",
-    "constants": "NAME", "errors": "KIND", "export.remaining": "KIND", "outside": "COLUMN", "unexplained": "KIND",
+    "constants": "NAME", "errors": "KIND", "not_held": "COORDINATE", "export.remaining": "KIND", "outside": "COLUMN", "unexplained": "KIND",
     "effects[].far_off": "NAME", "effects[].worst.direction": "NAME", "detectable[].worst.direction": "NAME",
     "invisible[].worst.direction": "NAME", "undetermined[].parameters": "NAME",
     "undetermined[].determined[].coefficients": "NAME", "tool_point.at": "AXIS",

@@ -156,3 +156,32 @@ def test_a_machine_far_from_its_drawing(tmp_path: Path) -> None:
     after = write_table(tmp_path / "after.csv", "biglide", true_values("biglide", 1), 2, 30)
     done = run("check", far, after, "-p", tmp_path / "p.yaml", "-q")
     assert done.code == 0, done.err
+
+
+def test_few_rows_of_an_instrument_that_stands_anywhere_decide_nothing(tmp_path: Path) -> None:
+    """Its place is fitted to them: one row is met whatever it reads, two are met by most."""
+    machine = tmp_path / "anywhere.yaml"
+    machine.write_text(f"extends: {BIGLIDE}\nsensors: {{tracker: {{frame: fitted}}}}\ndatum: [x8, y8, yb1r]\n")
+    before = write_table(tmp_path / "before.csv", "biglide", true_values("biglide", 1), 1, 60, turn=0.3)
+    parameters = tmp_path / "p.yaml"
+    assert run("calibrate", machine, before, "-o", parameters, "-q", "--holdout", "none").code == 0
+    after = Path(write_table(tmp_path / "after.csv", "biglide", true_values("biglide", 1), 2, 30)).read_text()
+    few = tmp_path / "few.csv"
+    verdicts = []
+    for rows in (1, 2, 30):
+        few.write_text("\n".join(after.splitlines()[: rows + 1]) + "\n")
+        done = run("check", machine, few, "-p", parameters, "--tolerance", "0.2 mm", "--json")
+        assert ("UNDECIDED" in done.err) == (rows < 3) and done.code == (rows < 3)
+        verdicts.append(done.json["verification"]["tolerance"]["verdict"])
+        assert run("check", machine, few, "-p", parameters).code == (rows == 1)
+    assert verdicts == ["undecided", "undecided", "pass"]
+
+
+def test_rows_that_the_calibration_had_do_not_check_it(calibration: str, tmp_path: Path) -> None:
+    table = write_table(tmp_path / "t.csv", "biglide", true_values("biglide", 1), 5, 30)
+    parameters = tmp_path / "own.yaml"
+    assert run("calibrate", BIGLIDE, table, "-o", parameters, "-q", "--holdout", "none").code == 0
+    assert "fitted to these rows, so they do not check it" in run("check", BIGLIDE, table, "-p", parameters).err
+    twice = run("calibrate", BIGLIDE, table, "--prior", parameters, "--holdout", "none")
+    assert "fitted to these rows, so they count twice" in twice.err
+    assert "fitted to these rows" not in run("check", BIGLIDE, table, "-p", calibration).err

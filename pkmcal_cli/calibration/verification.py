@@ -19,7 +19,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.errors_before_after import kinds_of
 from pkmcal_cli.calibration.fitted_frames import frame_parameters
 from pkmcal_cli.calibration.identify import identify
-from pkmcal_cli.calibration.point_errors import Judged, K, point_errors
+from pkmcal_cli.calibration.point_errors import Judged, K, PointErrors, point_errors
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate, linearise, lost_rows, reasons
 from pkmcal_cli.model.model import Model
@@ -27,6 +27,7 @@ from pkmcal_cli.model.model import Model
 SIGNIFICANT = 0.01
 """Chance of errors so large below which readings and parameters do not agree."""
 _RANK = 1e-9
+_DETERMINED = 1e-6  # share of a reading that what is fitted leaves, below which it rests on it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +36,7 @@ class Verification:
 
     values (P,): of all parameters, those fitted to these rows among them.
 
+    alone (N, C): errors if what is fitted were fitted to the other rows, inf where it rests on a row alone.
     chi2, dof: of all errors together; refitted: what was fitted to these rows; failed: why rows have no prediction.
     """
 
@@ -44,6 +46,7 @@ class Verification:
     errors: Array
     by_model: Array
     by_instrument: Array
+    alone: Array
     chi2: float
     dof: int
     refitted: tuple[str, ...]
@@ -58,6 +61,20 @@ class Verification:
     def compatible(self) -> bool:
         """Whether parameters and readings agree, and every row has a prediction."""
         return not self.failed and self.p_value >= SIGNIFICANT
+
+    @property
+    def overdetermined(self) -> bool:
+        """Whether there are more readings than values that are fitted to them."""
+        return self.dof > 0
+
+    @property
+    def points(self) -> PointErrors:
+        """Errors of points; U includes by how much each would be further off, were it not fitted itself."""
+        points = point_errors(self.problem, self.errors, self.on)
+        if not self.refitted:
+            return points
+        more = point_errors(self.problem, np.where(self.on, self.alone, 0.0), self.on).errors - points.errors
+        return replace(points, expanded=points.expanded + np.maximum(more, 0.0))
 
     @property
     def normalised(self) -> Array:
@@ -106,15 +123,17 @@ def verified(problem: Problem, values: Array, known: Known) -> Verification:
     basis, response = _fitted(frame)
     residual = near.residual - basis @ (basis.T @ near.residual)
     within = moved - basis @ (basis.T @ moved)
+    errors = np.where(problem.measured, evaluation.residual, 0.0)
     chi2 = _chi_square(residual, within)
     by_model = _of_prediction(evaluation, root, len(refitted), response @ moved)
     return Verification(
         problem=problem,
         values=values,
         on=problem.measured,
-        errors=np.where(problem.measured, evaluation.residual, 0.0),
+        errors=errors,
         by_model=np.hypot(by_model, _unexplained(problem, known.unexplained)),
         by_instrument=_of_measurement(problem, evaluation),
+        alone=_alone(errors, basis, wider.sigma),
         chi2=chi2,
         dof=problem.count - basis.shape[1],
         refitted=refitted,
@@ -137,6 +156,18 @@ def _fitted(columns: Array) -> tuple[Array, Array]:
     u, s, vt = np.linalg.svd(columns / size, full_matrices=False)
     kept = s > _RANK * s.max(initial=0.0)
     return u[:, kept], (vt[kept].T / s[kept]) @ u[:, kept].T / size[:, None]
+
+
+def _alone(errors: Array, basis: Array, sigma: Array) -> Array:
+    """Errors (N, C) if what spans a basis (n, k) of whitened readings were fitted to the other rows; inf for none."""
+    count, width = errors.shape
+    per_row = basis[: count * width].reshape(count, width, -1)
+    left, ways = np.linalg.eigh(np.eye(width) - np.einsum("nck,ndk->ncd", per_row, per_row))
+    scale = np.where(np.isfinite(sigma) & (sigma > 0), sigma, 1.0)
+    white = np.einsum("ncw,nc->nw", ways, errors / scale) / np.maximum(left, _DETERMINED)
+    out = np.einsum("ncw,nw->nc", ways, white) * scale
+    held = np.asarray((left > _DETERMINED).all(axis=1))
+    return np.where(held[:, None], out, np.inf)
 
 
 def _chi_square(residual: Array, moved: Array) -> float:
@@ -172,4 +203,4 @@ def _unexplained(problem: Problem, left: Mapping[str, float]) -> Array:
 
 def judged(v: Verification, tolerance: float) -> Judged:
     """Position errors by a tolerance, m: distance of measured from predicted point."""
-    return Judged(point_errors(v.problem, v.errors, v.on), tolerance)
+    return Judged(v.points, tolerance)

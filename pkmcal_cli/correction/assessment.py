@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.commands import Correction, depends_on_sides
+from pkmcal_cli.correction.free_coordinates import FreeCoordinate, free_coordinates
 from pkmcal_cli.correction.strained_pose import LoadedTool
 from pkmcal_cli.correction.uncertainty import KnownTo, Spread, spread
 from pkmcal_cli.model.model import Model
@@ -21,13 +22,17 @@ WEAK = "rests on a weak direction"
 
 @dataclass(frozen=True, kw_only=True)
 class Assessment:
-    """Of a correction: standard uncertainties before and after, None without any; weak (n,); outside: names by row."""
+    """Of a correction: standard uncertainties before and after, None without any; weak (n,); outside: names by row.
+
+    free: coordinates that set values do not hold, and that are off.
+    """
 
     correction: Correction
     before: Spread | None
     after: Spread | None
     weak: NDArray[np.bool_]
     outside: tuple[tuple[str, ...], ...]
+    free: tuple[FreeCoordinate, ...]
 
     @property
     def remarks(self) -> list[str]:
@@ -53,7 +58,8 @@ def assessed(
         before = spread(tool, values, made.aim, made.before, made.aim.rows, known)
         after = spread(tool, values, made.aim, made.after, made.rows, known)
     weak = np.zeros(len(made.rows), dtype=bool) if after is None else after.weak > _MOST
-    return Assessment(correction=made, before=before, after=after, weak=weak, outside=_outside(model, made, measured))
+    free, outside = free_coordinates(model, values, made), _outside(model, made, measured)
+    return Assessment(correction=made, before=before, after=after, weak=weak, outside=outside, free=free)
 
 
 def _outside(

@@ -81,7 +81,7 @@ def depends_on_sides(model: Model) -> bool:
 def _from_own_sides(
     model: Model, values: Array, aim: Aim, columns: Mapping[str, Array], strainless: DrivePositions, choice: Choice
 ) -> tuple[SetValues, NDArray[np.bool_]]:
-    """Set values, and which rows (n,) they approach from another side; `columns`: columns that stay."""
+    """Set values, and which rows (n,) they approach from another side, or from none; `columns`: columns that stay."""
     solution = set_values(model, values, aim, strainless, choice)
     if not depends_on_sides(model):
         return solution, np.zeros(len(aim.rows), dtype=bool)
@@ -92,7 +92,15 @@ def _from_own_sides(
             break
         nominal = replace(directed, readings=aim.rows.readings)
         solution = set_values(model, values, replace(aim, rows=nominal), strainless, choice)
-    return solution, turned
+    return solution, turned | _without_side(model, solution.rows)
+
+
+def _without_side(model: Model, rows: Rows) -> NDArray[np.bool_]:
+    """Rows (n,) in which a drive whose side counts is approached from none: the first one, unless a side is stated."""
+    sided = (e for e in model.effects if "direction" in e.effect.needs)
+    names = {model.actuators[s.actuator].name for e in sided for s in e.sites if s.actuator >= 0}
+    none = [rows.columns[f"dir.{name}"] == 0 for name in names if f"dir.{name}" in rows.columns]
+    return np.asarray(np.any(none, axis=0)) if none else np.zeros(len(rows), dtype=bool)
 
 
 def _directed(model: Model, rows: Rows) -> Rows:

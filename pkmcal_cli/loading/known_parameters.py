@@ -121,6 +121,12 @@ def known_parameters(path: str) -> KnownParameters:
     )
 
 
+def fitted_tables(known: KnownParameters, inputs: Mapping[str, str]) -> list[str]:
+    """Tables, sha256 by name, whose rows a calibration was fitted to already."""
+    fitted = set(known.inputs.values())
+    return [name for name, digest in inputs.items() if digest in fitted]
+
+
 def _plain(root: SourceNode, key: str) -> Any:
     node = root.child(key)
     return None if node is None else node.plain()

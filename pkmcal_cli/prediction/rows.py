@@ -74,6 +74,10 @@ class Rows:
         """Those of some sessions that rows belong to, by `session_numbers`."""
         return tuple(names[k] for k in np.unique(self.session_numbers(names)).tolist()) if names else ()
 
+    def without_sessions(self) -> Rows:
+        """The same as rows of one session without a name."""
+        return replace(self, columns={n: c for n, c in self.columns.items() if not n.startswith(_SESSION)})
+
     def moved(self, shift: Array) -> Rows:
         """The same with the drive readings moved by `shift` (N, A)."""
         return replace(self, readings=self.readings + shift)

@@ -13,6 +13,7 @@ from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.assessment import Assessment
 from pkmcal_cli.correction.commands import OUT_OF_REACH
+from pkmcal_cli.correction.free_coordinates import FreeCoordinate
 from pkmcal_cli.correction.redundancy import Choice
 from pkmcal_cli.correction.uncertainty import Spread
 from pkmcal_cli.loading.load_machine import Start
@@ -133,6 +134,9 @@ class CorrectionReport:
                 rows.append((kind, *(_text(f, parse_unit(unit)) for f in figures)))
         head = ("error", "rms before", "max before", "rms after", "u (rms)", "u (max)")
         to.table("Predicted error of the tool point; u: standard uncertainty after", head, rows)
+        if result.free:
+            off = (f"{f.name} by {_size(f, f.rms)} rms, {_size(f, f.largest)} at most" for f in result.free)
+            to.warn(f"warning: not held by the set values, and off where they are corrected: {'; '.join(off)}")
         if result.after is None:
             to.say("uncertainty: not available (no parameters with `correlations`, as `calibrate -o` writes them)")
 
@@ -165,7 +169,8 @@ class CorrectionReport:
             text = "most of the uncertainty comes from directions that the calibration hardly determines"
             to.warn(f"warning: rest on a weak direction: {len(weak)} of {total}: {text}")
         if turned := [k for k in result.correction.good if result.correction.turned[k]]:
-            text = "the corrected set values turn a drive round; approach from the side in the table"
+            text = "the corrected set values turn a drive round, or come from no side (0, as in the first row); "
+            text += "approach from the side in the table, or state `dir` there"
             to.warn(f"warning: side of approach not settled: {len(turned)} of {total}: {text}")
         evidence = self.start.evidence
         if evidence is not None and evidence.missing:
@@ -197,6 +202,7 @@ class CorrectionReport:
             "n_corrected": len(self._numbers),
             **self.lost.json(),
             "errors": {} if result is None else self._errors_json(result),
+            "not_held": {} if result is None else self._free_json(result),
             "drives": [] if result is None else self._drives_json(result),
             "strain_energy": None if result is None else self._energy_json(result),
             "weak": 0 if result is None else int(self._good(result.weak).sum()),
@@ -223,6 +229,13 @@ class CorrectionReport:
                 out[kind]["unit"] = unit
         return out
 
+    def _free_json(self, result: Assessment) -> dict[str, Any]:
+        units = ((f, parse_unit(_unit_of_coordinate(f))) for f in result.free)
+        return {
+            f.name: {"rms": _exact(f.rms / u.scale), "max": _exact(f.largest / u.scale), "unit": u.text}
+            for f, u in units
+        }
+
     def _drives_json(self, result: Assessment) -> list[dict[str, Any]]:
         made = result.correction
         internal = made.internal.part(np.nan_to_num(made.after.force))
@@ -240,6 +253,14 @@ class CorrectionReport:
         made = result.correction
         energies = {"before": made.before.energy, "after": made.after.energy}
         return {n: _exact(_mean(self._good(e)), _NO_ENERGY) for n, e in energies.items()}
+
+
+def _unit_of_coordinate(f: FreeCoordinate) -> str:
+    return "urad" if f.name.startswith("r") else "um"
+
+
+def _size(f: FreeCoordinate, size: float) -> str:
+    return handy(size, parse_unit(_unit_of_coordinate(f)))
 
 
 def _exact(value: float, least: float = _NO_ERROR) -> float | None:

@@ -19,6 +19,7 @@ from pkmcal_cli.report.sentences import PARTLY, STANDS_ANYWHERE
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _LISTED = 20
+_WITH_FRAME = "U of each point includes that the instrument's place is fitted to it as well as to the others."
 
 
 class VerificationReport:
@@ -39,6 +40,9 @@ class VerificationReport:
     def verdict(self) -> str:
         """The verdict in a sentence: on the tolerance where there is one, else on all readings."""
         v, j = self.verification, self.judged
+        if not v.overdetermined:
+            fitted = f": {', '.join(v.refitted)} are fitted to them" if v.refitted else ""
+            return f"UNDECIDED: {count(v.problem.count, 'reading')} do not suffice{fitted}; measure more rows"
         chance = f"chi-square {v.chi2:.4g}, {count(v.dof, 'degree')} of freedom, p {v.p_value:.2g}"
         if j is None:
             return f"{'compatible' if v.compatible else 'NOT COMPATIBLE'} with the parameters: {chance}"
@@ -53,6 +57,8 @@ class VerificationReport:
         """Whether the verdict is positive."""
         if self.judged is None:
             return self.verification.compatible
+        if not self.verification.overdetermined:
+            return False
         return self.judged.verdict == "pass" and not self.verification.failed
 
     def show(self, to: Reporter) -> None:
@@ -68,6 +74,8 @@ class VerificationReport:
             to.notes([f"fitted to these rows: {', '.join(v.refitted)}"])
         if stands_anywhere(v.problem):
             to.say(STANDS_ANYWHERE)
+            if self.judged is not None:
+                to.say(_WITH_FRAME)
         rows = []
         for c in self._channels():
             unit = parse_unit(c["unit"])
@@ -89,7 +97,8 @@ class VerificationReport:
         unit, at = self.unit, self.row_origin(int(j.points.rows[k]))
         assert unit is not None
         e, u = (to_digits(unit.from_si(float(x[k])), 4) for x in (j.points.errors, j.points.expanded))
-        return [f"largest position error: {e} {unit.text}, U {u} {unit.text} (k = 2), at {at}"]
+        known = f"U {u} {unit.text} (k = 2)" if np.isfinite(j.points.expanded[k]) else "U unknown"
+        return [f"largest position error: {e} {unit.text}, {known}, at {at}"]
 
     def _channels(self) -> list[dict[str, Any]]:
         v, out = self.verification, []
@@ -163,7 +172,7 @@ def tolerance_json(j: Judged, unit: Unit | None, row_origin: Callable[[int], Row
             "line": None if there is None else there.line,
             "id": None if there is None else there.id or None,
             "error": unit.from_si(float(j.points.errors[worst])),
-            "expanded_uncertainty": unit.from_si(float(j.points.expanded[worst])),
+            "expanded_uncertainty": finite(unit.from_si(float(j.points.expanded[worst]))),
         },
     }
 

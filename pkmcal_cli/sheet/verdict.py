@@ -6,7 +6,7 @@ import numpy as np
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.fitted_frames import stands_anywhere
-from pkmcal_cli.calibration.point_errors import Judged, partly_measured, point_errors
+from pkmcal_cli.calibration.point_errors import Judged, partly_measured
 from pkmcal_cli.report.sentences import PARTLY, STANDS_ANYWHERE, listed
 from pkmcal_cli.report.verification import VerificationReport
 from pkmcal_cli.sheet.content import Verdict, Word
@@ -86,7 +86,7 @@ def _after(results: Results, verified: VerificationReport) -> str:
     v = verified.verification
     agrees = "as" if v.compatible else "not as"
     agreement = f"{agrees} the identified parameters predict (p {v.p_value:.2g})"
-    points = point_errors(v.problem, v.errors, v.on)
+    points = v.points
     if not len(points.errors):
         return f"rows measured after correction are {agreement}"
     rms = results.length_text(float(np.sqrt((points.errors**2).mean())))

@@ -27,6 +27,7 @@ from pkmcal_cli.gross_errors.hints import (
     rows_far_off,
     sample_at,
 )
+from pkmcal_cli.loading.known_parameters import fitted_tables
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_measurements, load_parameters
 from pkmcal_cli.loading.poses import origin_of
 from pkmcal_cli.prediction import WarmStart
@@ -149,6 +150,9 @@ def setting(request: CalibrationRequest, machine: LoadedMachine | None = None) -
     kept: tuple[str, ...] = ()
     if request.fit_options.prior_file is not None:
         problem, start, earlier = _after(request, request.fit_options.prior_file, problem, selected, start)
+        if fitted := fitted_tables(earlier.known, measured.inputs):
+            twice = f"warning: {', '.join(fitted)}: the prior was fitted to these rows, so they count twice"
+            start = replace(start, warnings=(*start.warnings, twice))
         selected, kept = earlier.selected, earlier.datum
     moved = moved_warnings(start.values, declared, problem.model, selected, request.parameters)
     start = replace(start, warnings=(*start.warnings, *moved))

@@ -44,8 +44,8 @@ def conditions(machine: Machine, text: str | None) -> Conditions:
         if name.startswith("dir.") and values[name] not in _SIDES:
             raise UsageError(f"--at: `{name}` is 1 or -1", hint="1: approached towards larger readings")
         if more:
-            std[name] = abs(_amount(name, more[0], unit.difference))
-            if len(more) > 1 or name.startswith("dir."):
+            std[name] = _amount(name, more[0], unit.difference)
+            if len(more) > 1 or name.startswith("dir.") or std[name] < 0:
                 raise UsageError(f"--at: `{part.strip()}` is not a circumstance", hint=_EXAMPLE)
     return Conditions(values, {name: u for name, u in std.items() if u > 0})
 

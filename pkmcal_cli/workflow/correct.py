@@ -37,9 +37,9 @@ from pkmcal_cli.workflow.conditions import Conditions, conditions
 from pkmcal_cli.workflow.export import Export, exported, write_export
 from pkmcal_cli.workflow.plots import Plot, check_plot
 from pkmcal_cli.workflow.run_folder import Run, check_run, keep_run
+from pkmcal_cli.workflow.schedule_forms import DWELL, FEED, check_motion
 
 _COMMANDS = "commands.csv"
-_MOST = 1e6  # of seconds, or mm/min
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,8 +53,8 @@ class CorrectionRequest:
     at: str | None = None
     redundant: str = "min-force"
     as_format: str | None = None
-    dwell: float = 2.0
-    feed: float = 1000.0
+    dwell: float = DWELL
+    feed: float = FEED
     output: str | None = None
     plot: str | None = None
     run: str | None = None
@@ -214,9 +214,7 @@ def _checked(request: CorrectionRequest) -> str:
 
 def _export(request: CorrectionRequest) -> Export | None:
     """What is to be written for a control; None without `--as`. Raises UsageError."""
-    for option, value in (("--dwell", request.dwell), ("--feed", request.feed)):
-        if not 0 < value < _MOST:
-            raise UsageError(f"{option}: {value:g} is not a positive number", hint="give, for example, `--dwell 2`")
+    check_motion(request.dwell, request.feed, program=(request.as_format or "").startswith("gcode"))
     if request.as_format is None:
         return None
     target = "-" if request.output is None else request.output

@@ -28,6 +28,7 @@ from pkmcal_cli.diagnosis.linear import linear_problem
 from pkmcal_cli.gross_errors.hints import nothing_measured
 from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine, load_measurements, load_parameters
 from pkmcal_cli.model.model import Model
+from pkmcal_cli.prediction import Rows
 from pkmcal_cli.report.added_points import Added, Reached
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.number_format import finite, readable
@@ -61,6 +62,7 @@ class NextPoints:
     needed: int
     value: float  # of the parameter as it is known now, SI
     inputs: Mapping[str, str] = field(default_factory=dict)  # sha256 by name
+    with_sessions: bool = False  # whether the table has a column for them
 
     @property
     def status(self) -> str:
@@ -69,6 +71,12 @@ class NextPoints:
         if self.added.reached.before <= self.added.reached.limit:
             return "reached"
         return "continue" if len(self.added.points) else "not_reached"
+
+    @property
+    def rows_to_append(self) -> Rows:
+        """The points as rows of the same table: with sessions where it has a column for them."""
+        rows = self.added.points.rows
+        return rows if self.with_sessions else rows.without_sessions()
 
     def show(self, to: Reporter) -> None:
         """The verdict first, then the points."""
@@ -149,7 +157,8 @@ def next_points(
     )
     inputs = loaded.inputs | start.inputs | measured.inputs
     with to.step("points to measure next"):
-        return replace(_proposed(loaded, campaign, goal, budget, seed), inputs=inputs)
+        proposal = _proposed(loaded, campaign, goal, budget, seed)
+    return replace(proposal, inputs=inputs, with_sessions="session" in measured.labels)
 
 
 def _doubted(model: Model) -> Model:

@@ -168,7 +168,7 @@ def _run_next(request: PlanRequest, to: Reporter) -> int:
     drawn = PlannedRows(proposal.loaded.model.nominal, None, proposal.added.points.rows)
     draw_plan(_plot(request, proposal.inputs), None, proposal.loaded, drawn, to)
     if len(proposal.added.points):
-        _write(request, proposal.loaded, proposal.added.points.rows, proposal.ways, proposal.inputs, to)
+        _write(request, proposal.loaded, proposal.rows_to_append, proposal.ways, proposal.inputs, to)
     if request.as_json:
         head = provenance(proposal.inputs, seed=request.seed)
         emit_json(enveloped("plan", proposal.status, proposal.json(), head))
@@ -258,6 +258,8 @@ def _check(request: PlanRequest) -> None:
     if request.points is not None and request.aim is None:
         hint = "say what they are for, `--aim uncertainty`; so many poses in all, over the workspace: `--grid 40`"
         raise UsageError("--points: points are added for an aim, and none is given", hint=hint)
+    if request.points is not None and request.next:
+        raise UsageError("--points: --next finds how many points are needed", hint="leave out `--points`")
     if request.budget is not None and not request.next:
         raise UsageError("--budget is for --next", hint=_NEXT)
     if (request.state or request.cluster or request.jobs != 1) and not request.power:
@@ -273,8 +275,7 @@ def _check(request: PlanRequest) -> None:
 
 def _check_output(request: PlanRequest, inputs: Collection[str]) -> None:
     """Whether the schedule can be written. Raises OutputError."""
-    check = check_table if request.as_form == "csv" else check_target
-    check(request.output, inputs, force=request.force)
+    (check_table if request.as_form == "csv" else check_target)(request.output, inputs, force=request.force)
 
 
 def _added(

@@ -21,6 +21,7 @@ from pkmcal_cli.units.unit_text import parse_unit
 class EarlierCalibration:
     """A prior of the selected parameters; values (P,) where the fit begins; inputs: sha256 by file; notes.
 
+    known: what the file says.
     datum: parameters that the file held as datum: what it says of the others is true only with these as they were.
     """
 
@@ -30,6 +31,7 @@ class EarlierCalibration:
     values: Array
     inputs: dict[str, str]
     notes: tuple[str, ...]
+    known: KnownParameters
 
 
 def earlier_calibration(
@@ -67,6 +69,7 @@ def earlier_calibration(
         values=values,
         inputs={known.file: known.sha256},
         notes=(*_notes(model, known, selected, loosened), *_datum_notes(known, datum)),
+        known=known,
     )
 
 

@@ -21,6 +21,10 @@ _LINEAR, _ROTARY = "XYZUVW", "ABC"
 _SIDES = {1.0: "from below", -1.0: "from above", 0.0: "at rest"}
 _NGC = "https://www.nist.gov/publications/nist-rs274ngc-interpreter-version-3"
 
+DWELL, FEED = 2.0, 1000.0
+"""Seconds and mm/min, where nothing is stated."""
+_MOST = 1e6
+
 
 @dataclass(frozen=True, kw_only=True)
 class Schedule:
@@ -110,9 +114,17 @@ def check_form(name: str, dwell: float, feed: float) -> None:
     """Whether there is such a form. Raises UsageError."""
     if name not in _FORMS:
         raise UsageError(f"--as: `{name}` is not a form of a plan", hint=did_you_mean(name, _FORMS))
-    for option, value in (("--dwell", dwell), ("--feed", feed)):
-        if not (np.isfinite(value) and value > 0):
-            raise UsageError(f"{option}: {value:g} is not a positive number", hint=f"give, for example, `{option} 2`")
+    check_motion(dwell, feed, program=name != "csv")
+
+
+def check_motion(dwell: float, feed: float, *, program: bool) -> None:
+    """Whether seconds and mm/min are such, and a program has them. Raises UsageError."""
+    for option, value, default in (("--dwell", dwell, DWELL), ("--feed", feed, FEED)):
+        if not 0 < value < _MOST:
+            hint = f"give, for example, `{option} {default:g}`"
+            raise UsageError(f"{option}: {value:g} is not a positive number", hint=hint)
+        if value != default and not program:
+            raise UsageError(f"{option} is for programs", hint="add `--as gcode`")
 
 
 def write_form(name: str, schedule: Schedule, target: str, inputs: Collection[str], force: bool) -> None:

@@ -10,6 +10,7 @@ from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.verification import Known, judged, verified
 from pkmcal_cli.loading.evidence import Evidence
+from pkmcal_cli.loading.known_parameters import fitted_tables, known_parameters
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start
 from pkmcal_cli.loading.poses import origin_of
 from pkmcal_cli.report.console import Reporter
@@ -37,6 +38,8 @@ def verify(
     problem = replace(problem, measured=on)
     for text in start.warnings:
         to.warn(text)
+    if fitted := fitted_tables(known_parameters(parameters), measured.inputs):
+        to.warn(f"warning: {', '.join(fitted)}: the calibration was fitted to these rows, so they do not check it")
     if start.covariance is None:
         message = "this parameter file has no `correlations` with `std`, so the uncertainty of predictions is unknown"
         raise BadInput.single(message, Location(parameters), "write it with `pkmcal calibrate -o`", "parameters")

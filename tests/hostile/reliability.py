@@ -34,11 +34,6 @@ Number k of the fuzz is the same input on every computer; others: `python -m tes
 20,000 tables, 7,000 machine files and 3,000 commands; the slow run of a million is
 `python -m pytest -m slow tests/test_fuzz.py tests/test_command_fuzz.py`. The lowest versions are tried by hand, as
 `tests/hostile/floors.py` says.
-
-Known: a fit to a table whose columns are wrong, such as two that are exchanged or one in another unit, can take half a
-minute on machines with redundant drives, as rows that cannot be assembled are tried in every step; such fits are left
-out of the fuzz. Of the 100,000 commands of the slow run 8 took 26 to 165 s beside other work; of these and a ninth,
-seven took less than 12 s of processor time when they were run again after a mend, and two 27 and 30 s.
 """
 
 
@@ -62,7 +57,7 @@ class Check:
 
 _FUZZ = (
     "mutated tables, machine files, parameter files and command lines: no traceback, no number but a plain second "
-    "reader's, nothing above 20 s (fits only of machines without redundant drives, see below)"
+    "reader's, nothing above 20 s"
 )
 _DISK = (
     "every file operation of every writing command fails (killed, ENOSPC, EIO, no memory, disk full from then on): "

@@ -31,6 +31,10 @@ errors.KIND.u_before.max number?:
 errors.KIND.u.rms number?: the same after
 errors.KIND.u.max number?:
 errors.KIND.unit text:
+not_held.COORDINATE.rms number: coordinates of the tool point that set values do not hold and that are off: by how
+    much at the commands, against the nominal machine
+not_held.COORDINATE.max number:
+not_held.COORDINATE.unit text:
 drives[].name text: an actuator
 drives[].before number?: its largest force at the set values of the nominal machine
 drives[].after number?: at the commands
