@@ -205,6 +205,18 @@ def test_a_trend() -> None:
     assert abs(l4["change"] - 3e-3) < 3 * l4["std"]
 
 
+def test_a_step_is_no_trend() -> None:
+    """A strut that is another one from the last file on: a line through all would name other parameters."""
+    files = []
+    for day, more in ((0, {}), (10, {}), (20, {"l1": 0.2e-3})):
+        file = calibrated(f"p{day}", table(f"t{day}", day, **more))
+        files.append(dated(file, f"2026-05-{1 + day:02d}T08:00:00+00:00"))
+    found = compared(files[2], files[0], files[1]).json
+    assert found["since"] == files[2] and found["per"] is None and found["named"] == ["l1"]
+    assert found["alone"]["name"] == "l1" and abs(found["alone"]["change"] - 0.2) < 4 * found["alone"]["std"]
+    assert compared(*files[:2]).json["since"] is None
+
+
 def test_a_trend_needs_dates() -> None:
     rows = [calibrated(f"p{k}", table(f"t{k}", k, 20)) for k in range(3)]
     done = run("compare", rows[0], rows[1], dated(rows[2], "soon"))

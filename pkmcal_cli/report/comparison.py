@@ -21,7 +21,8 @@ _LISTED = 12  # names told one by one
 class Compared:
     """Tests of what data sets have in common; apart: what is not compared, with the files that have it.
 
-    unit: of the time in which parameters change, "" for two files.
+    unit: of the time in which parameters change, "" for two files and for a step; since: the first file after a step,
+    None without one.
     """
 
     common: Common
@@ -30,6 +31,12 @@ class Compared:
     alone: Alone | None
     apart: Mapping[str, tuple[int, ...]]
     unit: str
+    since: int | None = None
+
+    @property
+    def course(self) -> str:
+        """In what changes are, for headings."""
+        return f"change per {self.unit}" if self.unit else "change"
 
     def named(self, alpha: float) -> tuple[str, ...]:
         """What has changed: parameters by their own tests, or by which one alone explains everything."""
@@ -92,7 +99,7 @@ class ComparisonReport:
         for head, k in zip(heads, self.known, strict=True):
             date = "no date" if k.created is None else f"{k.created:%Y-%m-%d %H:%M}"
             to.say(f"{head}: {k.file}, {date}")
-        change = f"change per {c.unit}" if c.trend else "change"
+        change = c.course if c.since is None else f"change from {letter(c.since)} on"
         if self.compared.changes.names:
             to.table("Parameters", ("name", *heads, change, "p (Holm)", "remark"), self._parameter_rows())
         if self.effects:
@@ -106,6 +113,8 @@ class ComparisonReport:
             return
         equals: list[Single] = sorted((one, *one.rivals), key=lambda r: bool(names) and r.name not in names)
         first, *others = equals
+        if self.compared.since is not None:
+            to.say(f"a step explains it, a trend does not: changed from {letter(self.compared.since)} on")
         if first.explains:
             to.say(f"explained by one parameter alone: {self._single(first)}")
         else:
@@ -194,6 +203,7 @@ class ComparisonReport:
             },
             "alone": None if c.alone is None else self._alone_json(c.alone),
             "per": c.unit or None,
+            "since": None if c.since is None else self.known[c.since].file,
             "parameters": [self._parameter_json(k) for k in range(len(c.changes.names))],
             "effects": [e.json(len(self.known), self.alpha) for e in self.effects],
             "tool_point": self._tool_json(),

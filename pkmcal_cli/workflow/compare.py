@@ -13,7 +13,8 @@ import numpy as np
 
 from pkmcal_cli.base.errors import BadInput, Location, UsageError
 from pkmcal_cli.base.files import is_stream, sha256
-from pkmcal_cli.calibration.comparison import Common, alone, changes, chosen_by_all, common, omnibus
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.comparison import Alone, Common, Omnibus, alone, changes, chosen_by_all, common, omnibus
 from pkmcal_cli.calibration.plausible import USABLE
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.loading.known_parameters import KnownParameters, known_parameters
@@ -153,7 +154,7 @@ def _parameters(request: ComparisonRequest, kinds: list[str], limits: Sequence[G
             raise BadInput.single(message, Location(k.file), "write it again with `pkmcal calibrate -o`", "parameters")
     compared = _compared(known)
     change = None
-    if (compared.test.dof and len(known) == 2) or compared.trend or limits:
+    if (compared.test.dof and len(known) == 2) or compared.trend or compared.since is not None or limits:
         change = tool_change(request.machine, files, known, compared.changes, to)
     report = ComparisonReport(known, compared, change, request.alpha)
     for text in _warnings(known):
@@ -184,11 +185,27 @@ def _compared(known: Sequence[KnownParameters]) -> Compared:
     c = common(data, [k.values for k in known], [_per_campaign(k) | odd for k in known])
     test, contrasts = omnibus(c)
     times, unit = _times(known)
+    since, single = None, alone(c, contrasts, test, times) if test.dof else None
+    if single is not None and unit and not single.explains:
+        since, times, single = _step(c, contrasts, test, times) or (None, times, single)
     chosen = [[n for n, p in k.parameters.items() if np.isfinite(p.std)] for k in known]
     moved = chosen_by_all(c, chosen)
     parameter_changes = changes(c, moved, times, test.freedom)
-    single = alone(c, contrasts, test, times) if test.dof else None
-    return Compared(c, test, parameter_changes, single, _apart(known, c), unit)
+    return Compared(c, test, parameter_changes, single, _apart(known, c), "" if since is not None else unit, since)
+
+
+def _step(
+    c: Common, contrasts: Array, test: Omnibus, times: Sequence[float]
+) -> tuple[int, tuple[float, ...], Alone] | None:
+    """Where a sudden change of one parameter explains all: the number of the first file after it, the step itself (n,),
+    and the parameter; None where none does."""
+    steps = []
+    for first in np.argsort(times)[1:].tolist():
+        step = tuple(float(t >= times[first]) for t in times)
+        single = alone(c, contrasts, test, step)
+        if single is not None and single.explains:
+            steps.append((first, step, single))
+    return max(steps, key=lambda s: s[2].p_left, default=None)
 
 
 def _per_campaign(known: KnownParameters) -> set[str]:

@@ -33,9 +33,11 @@ alone.rivals[].std number?:
 alone.rivals[].unit text:
 alone.rivals[].p_value_left number?: of what it leaves
 per~ text?: time in which parameters change, `day`, with three files or more; else null
+since~ text?: first file after a step, where a step of one parameter explains three files or more and a trend does
+    not; else null
 parameters~[].name text: a parameter that all fits identified
 parameters[].values[] number: its value in each file, in `unit`
-parameters[].change number: change between two files, or per day
+parameters[].change number: change between two files, per day, or by a step
 parameters[].std number?: its standard uncertainty
 parameters[].unit text:
 parameters[].determined flag: whether all data sets determine it (to half its range)
