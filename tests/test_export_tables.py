@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.command import run
+from tests.command import MACHINES, run
 from tests.correction_cases import csv_text, planar_leg, rms
 from tests.export_readers import added, comp_table, ssfk_table, tables_of
 
@@ -75,6 +75,25 @@ def test_what_remains_is_so_on_an_independent_machine(keyword: str, tmp_path: Pa
     assert told["export"]["rms"] == pytest.approx(after, abs=2.0)
     assert 5 < told["export"]["rms"] < before / 5
     assert told["corrected"]["rms"] < 1e-3
+    x, y = np.meshgrid(np.linspace(0.23, 0.47, 8), np.linspace(0.225, 0.325, 6), indexing="ij")
+    between = np.stack([x.ravel(), y.ravel()], axis=1)
+    sent = added(tables_of(keyword, Path("out.tab"), names), dict(zip(names, case.nominal(between).T, strict=True)))
+    assert 0.7 < told["not_fitted"]["rms"] / (1e6 * rms(case.forward(sent)[0] - between)) < 1.5
+
+
+def test_tables_of_few_targets_do_not_swing_between_them() -> None:
+    """48 targets of a delta, 50 numbers of three drives: without regard to other targets 4 mm at some of them."""
+    text = (MACHINES / "delta-printer.yaml", MACHINES / "delta-printer.csv")
+    assert run("calibrate", *text, "-o", "d.yaml", "-q", "--holdout", "none").code == 0
+    remaining = []
+    for grid in ("x=-60:60:4,y=-60:60:4,z=0:100:3", "x=-60:60:7,y=-60:60:7,z=0:100:4"):
+        done = run("correct", text[0], "--grid", grid, "-p", "d.yaml", "--as", "csv", "-o", "d.csv", "--force",
+                   "--json")  # fmt: skip
+        remaining.append(done.json["export"]["remaining"]["position"])
+    few, many = remaining
+    assert few["not_fitted"]["rms"] < 1.3 * many["export"]["rms"] and few["not_fitted"]["max"] < 1000
+    one = run("correct", text[0], "--grid", "x=0:0:1,y=0:0:1,z=50:50:1", "-p", "d.yaml", "--as", "csv", "-o", "e.csv")
+    assert "between the targets: unknown with 1 target" in one.err
 
 
 @pytest.mark.parametrize("keyword", TABLES)

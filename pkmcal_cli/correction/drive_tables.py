@@ -18,6 +18,8 @@ from pkmcal_cli.correction.export_case import ExportCase
 
 MOST = 33  # knots of a table: more hardly bend
 _PER_KNOT = 3  # numbers that targets state for each number of the tables, so that these do not fit the targets alone
+_STIFFER = (1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e8)  # times straighter: what predicts other targets best
+_FOLDS = 5  # parts of the targets
 _STRAIGHT, _ALIKE, _SMALL = 1e-6, 1e-4, 1e-9  # of the mean weight of a knot: bending, changes of reversal, reversal
 
 
@@ -93,10 +95,23 @@ def _fitted(case: ExportCase, grids: Sequence[tuple[float, float, int]]) -> list
         ]
     ).tocsr()
     target = np.einsum("nrd,nd->rn", weights, corrections).ravel()
-    normal = (design.T @ design).toarray()
-    blocks = [_smooth(case.sided, count) for _, _, count in grids]
-    solution = np.linalg.solve(normal + _scaled(normal, blocks), design.T @ target)
+    penalties = [[_smooth(case.sided, count, by) for _, _, count in grids] for by in _STIFFER]
+    solution = _best(design, target, np.arange(len(target)) % len(case.usable) % _FOLDS, penalties)
     return _tables(solution, grids, case.sided)
+
+
+def _best(design: sparse.csr_matrix, target: Array, fold: NDArray[np.intp], penalties: list[list[Array]]) -> Array:
+    """The solution with that penalty which predicts numbers best that it was not fitted to; fold (m,): of targets."""
+    normal, right = (design.T @ design).toarray(), design.T @ target
+    parts = [(design[fold == k], target[fold == k]) for k in range(_FOLDS)]
+    errors = np.zeros(len(penalties))
+    if all(len(t) for _, t in parts):
+        for part, there in parts:
+            others, others_right = normal - (part.T @ part).toarray(), right - part.T @ there
+            for k, blocks in enumerate(penalties):
+                fitted = np.linalg.solve(others + _scaled(normal, blocks), others_right)
+                errors[k] += float(np.square(part @ fitted - there).sum())
+    return np.asarray(np.linalg.solve(normal + _scaled(normal, penalties[int(np.argmin(errors))]), right))
 
 
 def _basis(commanded: Array, grid: tuple[float, float, int]) -> sparse.csr_matrix:
@@ -111,10 +126,10 @@ def _basis(commanded: Array, grid: tuple[float, float, int]) -> sparse.csr_matri
     )
 
 
-def _smooth(sided: bool, count: int) -> Array:
+def _smooth(sided: bool, count: int, stiffer: float) -> Array:
     """Squares of what tables shall not do where nothing asks for it."""
     bend = np.diff(np.eye(count), 2, axis=0)
-    mean = _STRAIGHT * bend.T @ bend + _SMALL * np.eye(count)
+    mean = _STRAIGHT * stiffer * bend.T @ bend + _SMALL * np.eye(count)
     if not sided:
         return np.asarray(mean)
     change = np.diff(np.eye(count), axis=0)

@@ -33,7 +33,7 @@ class ExportCase:
 
     given (N,): circumstances of the targets as they were given, before sides of approach were derived; names (n,) of
     the usable ones; choice: what redundant drives are used for; covariance: names and matrix of the parameters, None
-    where unknown; dwell: s; feed: mm/min or deg/min.
+    where unknown; dwell: s; feed: mm/min or deg/min; part: which of the usable targets alone count, None for all.
     """
 
     loaded: LoadedMachine
@@ -46,6 +46,7 @@ class ExportCase:
     covariance: tuple[tuple[str, ...], Array] | None
     dwell: float
     feed: float
+    part: NDArray[np.intp] | None = None
 
     @property
     def made(self) -> Correction:
@@ -61,7 +62,8 @@ class ExportCase:
     def usable(self) -> Index:
         """Numbers (n,) of the rows that have corrected set values, and set values of the nominal machine."""
         made = self.made
-        return np.array([k for k in made.good if np.isfinite(made.before.tool[k]).all()], dtype=np.intp)
+        every = np.array([k for k in made.good if np.isfinite(made.before.tool[k]).all()], dtype=np.intp)
+        return every if self.part is None else every[self.part]
 
     @cached_property
     def drives(self) -> Index:
@@ -191,6 +193,7 @@ class Draft:
     commands (n, A): what the control then sends at the usable targets, by its own rule and the digits written;
     values (P,): of the machine's parameters then; texts: from lines of remarks to texts by part, "" where there is one
     only; notes: what is to be said of it; entries: for JSON; shown: for people, beside the files.
+    elsewhere: commands at the usable targets of another case, where numbers are fitted to the targets of this one.
     """
 
     commands: Array
@@ -199,6 +202,7 @@ class Draft:
     notes: tuple[str, ...] = ()
     entries: Sequence[Mapping[str, object]] = ()
     shown: Listing | None = None
+    elsewhere: Callable[[ExportCase], Array] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

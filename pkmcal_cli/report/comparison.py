@@ -17,7 +17,7 @@ from pkmcal_cli.units.unit_text import Unit, parse_unit
 _LISTED = 12  # names told one by one
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Compared:
     """Tests of what data sets have in common; apart: what is not compared, with the files that have it.
 

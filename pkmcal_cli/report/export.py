@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -22,6 +22,7 @@ _NO_ENERGY = 1e-12  # J: rounding
 _ROUNDING = 1e-3  # um or urad: nothing
 _LEAST = 1e-9  # m or rad: by which an error has to grow to be larger
 _NOTHING = "-"
+_FOLDS, _FEWEST = 5, 10  # parts of the targets; targets
 BEFORE, EXPORT, CORRECTED = "before", "export", "corrected"
 
 
@@ -43,6 +44,37 @@ class ExportReport:
         made, rows, targets = self.case.made, self.case.usable, self.case.targets
         tools = (made.before.tool[rows], self._installed.tool, made.after.tool[rows])
         return {variant: tool - targets for variant, tool in zip((BEFORE, EXPORT, CORRECTED), tools, strict=True)}
+
+    @cached_property
+    def _apart(self) -> Array | None:
+        """Errors (n, h) of the export at targets that it was not fitted to, some of all in turn; None where nothing is
+        fitted, or by too few targets."""
+        number = len(self.case.usable)
+        if self.draft.elsewhere is None or number < _FEWEST:
+            return None
+        out, fold = np.full(self.case.targets.shape, np.nan), np.arange(number) % _FOLDS
+        for k in range(_FOLDS):
+            others, here = np.nonzero(fold != k)[0], np.nonzero(fold == k)[0]
+            fitted, there = self.format.draft(replace(self.case, part=others)), replace(self.case, part=here)
+            assert fitted.elsewhere is not None
+            placed = there.installed(replace(fitted, commands=fitted.elsewhere(there)))
+            out[here] = placed.tool - there.targets
+        return out
+
+    def _apart_text(self, kind: str) -> str:
+        """What is to be said of targets that the export was not fitted to; "" for nothing."""
+        if self.draft.elsewhere is None:
+            return ""
+        if self._apart is None:
+            few = count(len(self.case.usable), "target")
+            return f"{kind} between the targets: unknown with {few}; give {_FEWEST} or more"
+        unit = dict(self.kinds)[kind]
+        rms, most = (_text(f(self._apart_sizes(kind)), unit) for f in (_rms, _largest))
+        return f"{kind} at targets that it was not fitted to ({_FOLDS} parts in turn): {rms} rms, {most} at most"
+
+    def _apart_sizes(self, kind: str) -> Array:
+        assert self._apart is not None
+        return np.asarray(np.sqrt((self._apart[:, self._columns(kind)] ** 2).sum(axis=1)))
 
     @cached_property
     def _energies(self) -> dict[str, float]:
@@ -90,6 +122,7 @@ class ExportReport:
                 f"{rms[1]} ({most[1]}) with this, {rms[2]} ({most[2]}) with corrected set values; "
                 f"standard uncertainty {'unknown' if np.isnan(u) else _text(u, unit)}"
             )
+            out += [text] if (text := self._apart_text(kind)) else []
         out += [f"note: {note}" for note in self.draft.notes]
         return out + [f"specification: {source}" for source in self.format.sources]
 
@@ -99,6 +132,8 @@ class ExportReport:
             rms = {w: _text(_rms(self._sizes(w, kind)), unit) for w in (BEFORE, EXPORT, CORRECTED)}
             with_it = f"{rms[BEFORE]} -> {rms[EXPORT]} with `{self.format.keyword}`"
             to.say(f"{kind}, rms: {with_it}, {rms[CORRECTED]} with corrected set values")
+            if text := self._apart_text(kind):
+                to.say(text)
         if (listing := self.draft.shown) is not None:
             to.table(listing.title, listing.head, listing.rows, left=2)
         rows = []
@@ -131,6 +166,9 @@ class ExportReport:
         for kind, unit in self.kinds:
             sizes = {w: self._sizes(w, kind) / unit.scale for w in (BEFORE, EXPORT, CORRECTED)}
             remaining[kind] = {w: {"rms": finite(_rms(s)), "max": finite(_largest(s))} for w, s in sizes.items()}
+            if self._apart is not None:
+                apart = self._apart_sizes(kind) / unit.scale
+                remaining[kind]["not_fitted"] = {"rms": finite(_rms(apart)), "max": finite(_largest(apart))}
             remaining[kind] |= {"u": finite(self._uncertainty(kind) / unit.scale), "unit": unit.text}
         return {
             "format": self.format.keyword,

@@ -191,7 +191,10 @@ def _compared(known: Sequence[KnownParameters]) -> Compared:
     chosen = [[n for n, p in k.parameters.items() if np.isfinite(p.std)] for k in known]
     moved = chosen_by_all(c, chosen)
     parameter_changes = changes(c, moved, times, test.freedom)
-    return Compared(c, test, parameter_changes, single, _apart(known, c), "" if since is not None else unit, since)
+    return Compared(
+        common=c, test=test, changes=parameter_changes, alone=single, apart=_apart(known, c),
+        unit="" if since is not None else unit, since=since,
+    )  # fmt: skip
 
 
 def _step(

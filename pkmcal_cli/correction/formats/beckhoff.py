@@ -67,7 +67,9 @@ def _draft(case: ExportCase) -> Draft:
             for name, lines in entries.items()
         }
 
-    return Draft(commands=sent(case, tables), values=case.values, texts=texts)
+    return Draft(
+        commands=sent(case, tables), values=case.values, texts=texts, elsewhere=lambda other: sent(other, tables)
+    )
 
 
 BECKHOFF = Format(

@@ -31,7 +31,9 @@ def _draft(case: ExportCase) -> Draft:
             ]
         return {"": "\n".join([*lines, ""])}
 
-    return Draft(commands=sent(case, tables), values=case.values, texts=texts)
+    return Draft(
+        commands=sent(case, tables), values=case.values, texts=texts, elsewhere=lambda other: sent(other, tables)
+    )
 
 
 CSV = Format(

@@ -38,7 +38,9 @@ def _draft(case: ExportCase) -> Draft:
             out[case.name(a)] = "\n".join([*_lines(case, a, table), *(f"# {line}" for line in comments), ""])
         return out
 
-    return Draft(commands=sent(case, tables), values=case.values, texts=texts)
+    return Draft(
+        commands=sent(case, tables), values=case.values, texts=texts, elsewhere=lambda other: sent(other, tables)
+    )
 
 
 LINUXCNC = Format(

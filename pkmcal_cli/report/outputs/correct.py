@@ -84,6 +84,9 @@ export.remaining.KIND.before.rms number?: predicted error of the tool point at t
 export.remaining.KIND.before.max number?:
 export.remaining.KIND.export.rms number?: the same at the set values that the control sends with the export installed
 export.remaining.KIND.export.max number?:
+export.remaining.KIND.not_fitted~.rms number?: with tables: the same as `export` at targets that they were not fitted
+    to, a fifth of all in turn; absent with fewer than 10 targets
+export.remaining.KIND.not_fitted.max number?:
 export.remaining.KIND.corrected.rms number?: the same at the corrected set values
 export.remaining.KIND.corrected.max number?:
 export.remaining.KIND.u number?: standard uncertainty of the corrected tool point, rms; null without `correlations` in
