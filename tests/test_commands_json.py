@@ -165,7 +165,7 @@ def commands() -> dict[str, list[list[str]]]:
             ["ropes.yaml", "--grid", "x=-100:100:2", "--redundant", "preload", "-o", "taut.csv"],
             [SCISSORS, "--grid", "x=0:0:1,y=0:320:2", "-p", "shop.params.yaml", "-o", "shop.commands.csv"],
             ["shims.yaml", "--grid", "x=300:400:3,y=200:300:2", "-p", "p.yaml", "--as", "adjust", "-o", "shims.txt"],
-            [PLAIN, "--grid", "x=300:400:3,y=200:300:2", "-p", "p.yaml", "--as", "linuxcnc", "-o", "t.comp"],
+            [PLAIN, "--grid", "x=300:400:4,y=200:300:3", "-p", "p.yaml", "--as", "linuxcnc", "-o", "t.comp"],
         ],
         "sensitivity": [[PLAIN, *partly], [PLAIN, "--grid", GRID, "--channel", "x"]], "observability": [
             [PLAIN, "one.csv"], [f"{belts}.yaml", f"{belts}.csv"], [PLAIN, *partly]],
