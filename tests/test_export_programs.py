@@ -138,6 +138,15 @@ def test_how_sure_an_adjustment_is() -> None:
     assert re.search(r"square: -0\.0\d+ deg \(u 0\.000\d+ deg\)", Path("out.txt").read_text())
 
 
+@pytest.mark.parametrize("value", [r'"a\nG0 X999"', '"  "', r'"\e[31m"'])
+def test_what_is_adjusted_is_one_line(value: str) -> None:
+    """It stands in written lists and tables as it is."""
+    text = STACKED.replace("square: {nominal: 0, unit: deg}", f"square: {{nominal: 0, unit: deg, adjustable: {value}}}")
+    Path("m.yaml").write_text(text)
+    done = run("check", "m.yaml")
+    assert done.code == 1 and "does not say in one line what is adjusted" in done.err
+
+
 @pytest.mark.parametrize("value", ["false", '""'])
 def test_nothing_to_adjust(value: str) -> None:
     text = STACKED.replace("square: {nominal: 0, unit: deg}", f"square: {{nominal: 0, unit: deg, adjustable: {value}}}")

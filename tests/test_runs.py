@@ -78,6 +78,7 @@ def test_the_history_of_runs(folder: Path) -> None:
     assert all(r["intact"] for r in listed)
     assert sorted(r["exit_code"] for r in listed) == [0, 0, 1]
     assert "4 of 4 targets corrected" in found.err and "mine.yaml" in found.err
+    assert found.err.count("(exit code 1)") == 1, "a limit that was missed is seen in the list"
     table = next(Path(r["folder"]) / "commands.csv" for r in listed if r["command"] == "correct")
     rows = [[ln for ln in f.read_text().splitlines() if not ln.startswith("#")] for f in (table, folder / "c.csv")]
     assert rows[0] == rows[1] and len(rows[0]) == 5
@@ -99,6 +100,7 @@ def test_a_result_that_was_changed_is_told(folder: Path) -> None:
     file.write_text(file.read_text().replace("l1", "l9"))
     done = run("compare", "runs", "--json")
     assert not done.json["runs"][0]["intact"] and "changed since" in done.err
+    assert "changed since" in run("compare", file.parent, file.parent).err
 
 
 def test_nothing_is_left_of_a_run_that_fails(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

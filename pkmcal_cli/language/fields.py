@@ -236,7 +236,10 @@ def _fixed(raw: Any, info: ValidationInfo) -> Any:
 
 
 def _adjustable(raw: Any) -> Any:
-    """`true` as a word, `false` as nothing."""
+    """`true` as a word, `false` as nothing; else what is adjusted, in one line."""
+    if isinstance(raw, str) and raw and not (raw.strip() and raw.isprintable()):
+        hint = 'write one line such as "rail A, left end", or `true`'
+        raise fault("value", "`adjustable` does not say in one line what is adjusted", hint)
     return ("true" if raw else "") if isinstance(raw, bool) else raw
 
 

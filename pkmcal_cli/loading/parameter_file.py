@@ -161,7 +161,7 @@ def _covariance(node: SourceNode | None, known: Mapping[str, ModelParameter]) ->
         std, matrix = np.array(raw["std"], dtype=float), np.array(raw["matrix"], dtype=float)
     except (KeyError, TypeError, ValueError):
         return None
-    if std.shape != (len(every),) or matrix.shape != (len(every), len(every)):
+    if std.shape != (len(every),) or matrix.shape != (len(every), len(every)) or not (std >= 0).all():
         return None
     std, matrix = std[keep], matrix[np.ix_(keep, keep)]
     return names, matrix * np.outer(std * scale, std * scale)

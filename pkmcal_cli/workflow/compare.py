@@ -31,7 +31,7 @@ from pkmcal_cli.workflow.arguments import present
 from pkmcal_cli.workflow.compare_machines import compare_machines
 from pkmcal_cli.workflow.gates import Figure, Figures, Gate, gates
 from pkmcal_cli.workflow.plots import check_plot, write_plot
-from pkmcal_cli.workflow.run_folder import PARAMETERS, RECORD, history, show_history
+from pkmcal_cli.workflow.run_folder import PARAMETERS, RECORD, changed_since, history, show_history
 from pkmcal_cli.workflow.tool_change import tool_change
 
 
@@ -147,6 +147,9 @@ def _parameters(request: ComparisonRequest, kinds: list[str], limits: Sequence[G
     files = [
         os.path.join(t, PARAMETERS) if k == "run" else t for t, k in zip(request.files, kinds, strict=True)
     ]
+    for folder in (t for t, k in zip(request.files, kinds, strict=True) if k == "run"):
+        if changed_since(folder):
+            to.warn(f"warning: {folder}: a result is missing or has been changed since")
     known = [known_parameters(f) for f in files]
     for k in known:
         if k.data is None:

@@ -204,10 +204,20 @@ def _same(folder: str, file: str, digest: str) -> bool:
     return path.is_file() and sha256(path) == digest
 
 
+def _ended(run: KeptRun) -> str:
+    """The verdict, and the exit code where it tells of a limit that was missed or of a negative one."""
+    return run.verdict + (f" (exit code {run.code})" if run.code else "")
+
+
+def changed_since(folder: str) -> bool:
+    """Whether results of a run are not what it kept. Raises BadInput."""
+    return not _kept(folder).intact
+
+
 def show_history(to: Reporter, runs: list[KeptRun]) -> None:
     """For people."""
     rows = [
-        (os.path.basename(r.folder), r.created[:16].replace("T", " "), r.command, r.machine, r.rms or "-", r.verdict)
+        (os.path.basename(r.folder), r.created[:16].replace("T", " "), r.command, r.machine, r.rms or "-", _ended(r))
         for r in runs
     ]
     to.table("Runs", ("run", "date", "command", "machine", "rms", "verdict"), rows, left=4, folded=("verdict",))

@@ -39,7 +39,7 @@ def tool_change(
         return "the machine has none of the parameters"
     workspace = model.workspace or _measured(model, known)
     if workspace is None or not model.tool_motion.shown:
-        return "the machine declares no `workspace`"
+        return "the machine declares no `workspace`, and not all files say where they measured with each of its drives"
     try:
         poses, _ = workspace_poses(loaded, workspace, _POSES, to)
     except BadInput:
