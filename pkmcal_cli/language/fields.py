@@ -238,8 +238,7 @@ def _fixed(raw: Any, info: ValidationInfo) -> Any:
 def _adjustable(raw: Any) -> Any:
     """`true` as a word, `false` as nothing; else what is adjusted, in one line."""
     if isinstance(raw, str) and raw and not (raw.strip() and raw.isprintable()):
-        hint = 'write one line such as "rail A, left end", or `true`'
-        raise fault("value", "`adjustable` does not say in one line what is adjusted", hint)
+        raise fault("value", "`adjustable` does not say in one line what is adjusted", 'write, e.g. "rail A, left end"')
     return ("true" if raw else "") if isinstance(raw, bool) else raw
 
 

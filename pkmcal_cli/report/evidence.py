@@ -12,6 +12,7 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.loading.evidence import Evidence
 
+_CHANCE = 1.645  # standard deviations of a mean square, beyond which it is one of twenty
 _LOGGED = {"T": "degC", "payload": "kg"}
 
 
@@ -32,7 +33,10 @@ def evidence_of(problem: Problem, fit: Fit, errors: Mapping[str, ErrorFigures], 
 
 
 def _unexplained(problem: Problem, errors: Mapping[str, ErrorFigures], of_noise: float) -> dict[str, float]:
-    """Standard deviation, beyond noise, of one coordinate or length of each kind; `of_noise`: share that it makes."""
+    """Standard deviation, beyond noise, of one coordinate or length of each kind; `of_noise`: share that it makes.
+
+    Nothing where noise by itself is as large in one of twenty tables.
+    """
     out = {}
     for kind, columns in kinds_of(problem.model).items():
         figures = errors.get(kind)
@@ -40,8 +44,9 @@ def _unexplained(problem: Problem, errors: Mapping[str, ErrorFigures], of_noise:
             continue
         on = problem.measured[:, columns]
         count = len(columns) if problem.model.channels[columns[0]].measurand.of_pose else 1
-        variance = figures.rms**2 / count - of_noise * _noise(problem.sigma[:, columns][on])
-        if variance > 0:
+        noise = of_noise * _noise(problem.sigma[:, columns][on])
+        variance = figures.rms**2 / count - noise
+        if variance > noise * _CHANCE * np.sqrt(2.0 / max(int(on.sum()), 1)):
             out[kind] = float(np.sqrt(variance))
     return out
 
