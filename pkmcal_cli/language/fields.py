@@ -235,13 +235,6 @@ def _fixed(raw: Any, info: ValidationInfo) -> Any:
     return () if raw is False or raw is None else raw
 
 
-def _adjustable(raw: Any) -> Any:
-    """`true` as a word, `false` as nothing; else what is adjusted, in one line."""
-    if isinstance(raw, str) and raw and not (raw.strip() and raw.isprintable()):
-        raise fault("value", "`adjustable` does not say in one line what is adjusted", 'write, e.g. "rail A, left end"')
-    return ("true" if raw else "") if isinstance(raw, bool) else raw
-
-
 # --- quantities of a dimension -------------------------------------------------------------
 Number = Annotated[V, Measure(NUMBER)]
 Length = Annotated[V, Measure(LENGTH, plausible=(0.0, 50.0))]
@@ -269,9 +262,6 @@ Acceleration = Annotated[V, Measure(ACCELERATION, plausible=(0.0, 100.0))]
 Travel = Annotated[V, Measure(LENGTH, (ANGLE,))]
 _FIXED = {"anyOf": [{"type": "boolean"}, {"type": "array", "items": {"enum": list(SPATIAL)}}]}
 Fixed = Annotated[tuple[Direction, ...], BeforeValidator(_fixed), WithJsonSchema(_FIXED)]
-Adjustable = Annotated[
-    str, BeforeValidator(_adjustable), WithJsonSchema({"anyOf": [{"type": "boolean"}, {"type": "string"}]})
-]
 SigmaIs = Literal["stated", "exact", "unknown"]
 SIGMA_IS = (
     "What the sigma is worth beside the scatter of the residuals: `stated` counts as 10 degrees of freedom, `unknown` "

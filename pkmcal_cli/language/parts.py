@@ -7,11 +7,10 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Generic, Literal, TypeAlias
 
-from pydantic import Field, PrivateAttr
+from pydantic import BeforeValidator, Field, PrivateAttr, WithJsonSchema
 
 from pkmcal_cli.language.fields import (
     Acceleration,
-    Adjustable,
     Angle,
     AngleUnit,
     Area,
@@ -45,9 +44,21 @@ from pkmcal_cli.language.fields import (
     TranslationCoupling,
     UnitText,
 )
-from pkmcal_cli.language.quantities import F, Measure, V, WrittenNumber
+from pkmcal_cli.language.quantities import F, Measure, V, WrittenNumber, fault
 from pkmcal_cli.units.dimensions import NUMBER, Dimension
 from pkmcal_cli.units.file_units import BASE_DIMENSIONS, FileUnits
+
+
+def _adjustable(raw: Any) -> Any:
+    """`true` as a word, `false` as nothing; else what is adjusted, in one line."""
+    if isinstance(raw, str) and raw and not (raw.strip() and raw.isprintable()):
+        raise fault("value", "`adjustable` does not say in one line what is adjusted", 'write, e.g. "rail A, left end"')
+    return ("true" if raw else "") if isinstance(raw, bool) else raw
+
+
+Adjustable = Annotated[
+    str, BeforeValidator(_adjustable), WithJsonSchema({"anyOf": [{"type": "boolean"}, {"type": "string"}]})
+]
 
 
 class Units(Entity):
