@@ -19,6 +19,11 @@ def as_request(kind: type[Record], options: Mapping[str, Any], **fixed: Any) -> 
     return kind(**{name: tuple(v) if isinstance(v, list) else v for name, v in chosen.items()}, **fixed)
 
 
+def choice(name: str, words: str, text: str) -> Any:
+    """An option that is one of some words, `exact|linear`, which the shell proposes; text: its help."""
+    return typer.Option(name, metavar=words, help=text, autocompletion=_completion.one_of(*words.split("|")))
+
+
 def _machine(text: str) -> str:
     """The file of a shipped machine that is called by its name; other texts are files."""
     from pkmcal_cli.base.shipped import machine_file
@@ -66,12 +71,7 @@ Select = Annotated[
 Alpha = Annotated[float, typer.Option("--alpha", help="False-alarm rate of the whole diagnosis.")]
 Method = Annotated[
     str,
-    typer.Option(
-        "--method",
-        metavar="exact|linear|rigid",
-        help="exact, linear (the paper's one step) or rigid.",
-        autocompletion=_completion.one_of("exact", "linear", "rigid"),
-    ),
+    choice("--method", "exact|linear|rigid", "exact, linear (the paper's one step) or rigid."),
 ]
 Offset = Annotated[
     list[str] | None,
@@ -99,12 +99,7 @@ FailOn = Annotated[
 ]
 Style = Annotated[
     str,
-    typer.Option(
-        "--format",
-        metavar="text|github",
-        help="github: warnings and errors also as annotations of files.",
-        autocompletion=_completion.one_of("text", "github"),
-    ),
+    choice("--format", "text|github", "github: warnings and errors also as annotations of files."),
 ]
 FailAbove = Annotated[
     list[str] | None,
@@ -126,21 +121,11 @@ Dwell = Annotated[float, typer.Option("--dwell", metavar="S", help="G-code: wait
 Feed = Annotated[float, typer.Option("--feed", metavar="F", help="G-code: feed, mm/min.")]
 Loss = Annotated[
     str,
-    typer.Option(
-        "--loss",
-        metavar="squares|huber|tukey",
-        help="huber and tukey down-weight outliers.",
-        autocompletion=_completion.one_of("squares", "huber", "tukey"),
-    ),
+    choice("--loss", "squares|huber|tukey", "huber and tukey down-weight outliers."),
 ]
 Prior = Annotated[
     str,
-    typer.Option(
-        "--prior",
-        metavar="none|ranges",
-        help="ranges: prior standard uncertainty of half a range.",
-        autocompletion=_completion.one_of("none", "ranges"),
-    ),
+    choice("--prior", "none|ranges", "ranges: prior standard uncertainty of half a range."),
 ]
 PriorOrFile = Annotated[
     str,
@@ -159,12 +144,7 @@ Loosen = Annotated[
 ]
 Uncertainty = Annotated[
     str,
-    typer.Option(
-        "--uncertainty",
-        metavar="linear|profile|bootstrap",
-        help="Method for the 95 % intervals.",
-        autocompletion=_completion.one_of("linear", "profile", "bootstrap"),
-    ),
+    choice("--uncertainty", "linear|profile|bootstrap", "Method for the 95 % intervals."),
 ]
 Starts = Annotated[
     int,

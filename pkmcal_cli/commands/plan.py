@@ -24,6 +24,7 @@ from pkmcal_cli.commands._options import (
     Select,
     State,
     as_request,
+    choice,
 )
 
 Aim = Annotated[
@@ -46,12 +47,7 @@ Budget = Annotated[
 ]
 Form = Annotated[
     str,
-    typer.Option(
-        "--as",
-        metavar="csv|gcode|checklist",
-        help="Form of the points to measure.",
-        autocompletion=_completion.one_of("csv", "gcode", "checklist"),
-    ),
+    choice("--as", "csv|gcode|checklist", "Form of the points to measure."),
 ]
 Power = Annotated[
     int,

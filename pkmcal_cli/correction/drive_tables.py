@@ -6,7 +6,7 @@ near them go on straight.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.correction.export_case import ExportCase
+from pkmcal_cli.correction.export_case import Draft, ExportCase
 
 MOST = 33  # knots of a table: more hardly bend
 _PER_KNOT = 3  # numbers that targets state for each number of the tables, so that these do not fit the targets alone
@@ -72,6 +72,15 @@ def sent(case: ExportCase, tables: Sequence[DriveTable]) -> Array:
     for k, (a, table) in enumerate(zip(case.drives, tables, strict=True)):
         out[:, a] += table.corrections(case.commanded[:, a], sides[:, k])
     return out
+
+
+def drafted(
+    case: ExportCase, tables: Sequence[DriveTable], texts: Callable[[Sequence[str]], Mapping[str, str]]
+) -> Draft:
+    """What a control with these tables sends, at the targets of the case and elsewhere."""
+    return Draft(
+        commands=sent(case, tables), values=case.values, texts=texts, elsewhere=lambda other: sent(other, tables)
+    )
 
 
 def _grid(commanded: Array, count: int, digit: float) -> tuple[float, float, int]:

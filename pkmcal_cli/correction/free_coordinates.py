@@ -38,6 +38,8 @@ def free_coordinates(model: Model, values: Array, made: Correction) -> tuple[Fre
     becomes = predict(tool, values, made.rows.take(rows), Request(), made.after.prediction.start.take(rows))
     both = should.solved & becomes.solved
     off = (becomes.values - should.values)[both][:, free]
+    turned = np.array([tool.channels[k].dimension == "angle" for k in free]) & (np.abs(off) > np.pi)
+    off = np.where(turned, off - 2 * np.pi * np.sign(off), off)
     out = []
     for name, error in zip([tool.channels[k].name for k in free], np.abs(off).T, strict=True):
         if len(error) and error.max() > _NOTHING:

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from pkmcal_cli.correction.drive_tables import Digits, DriveTable, drive_tables, sent
+from pkmcal_cli.correction.drive_tables import Digits, DriveTable, drafted, drive_tables
 from pkmcal_cli.correction.export_case import Draft, ExportCase, Format
 from pkmcal_cli.units.unit_text import parse_unit
 
@@ -67,9 +67,7 @@ def _draft(case: ExportCase) -> Draft:
             for name, lines in entries.items()
         }
 
-    return Draft(
-        commands=sent(case, tables), values=case.values, texts=texts, elsewhere=lambda other: sent(other, tables)
-    )
+    return drafted(case, tables, texts)
 
 
 BECKHOFF = Format(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from pkmcal_cli.correction.drive_tables import Digits, drive_tables, sent
+from pkmcal_cli.correction.drive_tables import Digits, drafted, drive_tables
 from pkmcal_cli.correction.export_case import Draft, ExportCase, Format
 
 
@@ -31,9 +31,7 @@ def _draft(case: ExportCase) -> Draft:
             ]
         return {"": "\n".join([*lines, ""])}
 
-    return Draft(
-        commands=sent(case, tables), values=case.values, texts=texts, elsewhere=lambda other: sent(other, tables)
-    )
+    return drafted(case, tables, texts)
 
 
 CSV = Format(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from pkmcal_cli.correction.drive_tables import Digits, DriveTable, drive_tables, sent
+from pkmcal_cli.correction.drive_tables import Digits, DriveTable, drafted, drive_tables
 from pkmcal_cli.correction.export_case import Draft, ExportCase, Format
 
 
@@ -38,9 +38,7 @@ def _draft(case: ExportCase) -> Draft:
             out[case.name(a)] = "\n".join([*_lines(case, a, table), *(f"# {line}" for line in comments), ""])
         return out
 
-    return Draft(
-        commands=sent(case, tables), values=case.values, texts=texts, elsewhere=lambda other: sent(other, tables)
-    )
+    return drafted(case, tables, texts)
 
 
 LINUXCNC = Format(
