@@ -78,6 +78,12 @@ def depends_on_sides(model: Model) -> bool:
     return any("direction" in e.effect.needs for e in model.effects if e.sites)
 
 
+def sided_drives(model: Model) -> tuple[int, ...]:
+    """Drives at which an effect depends on the side from which they are approached."""
+    sided = (e for e in model.effects if "direction" in e.effect.needs)
+    return tuple(sorted({s.actuator for e in sided for s in e.sites if s.actuator >= 0}))
+
+
 def _from_own_sides(
     model: Model, values: Array, aim: Aim, columns: Mapping[str, Array], strainless: DrivePositions, choice: Choice
 ) -> tuple[SetValues, NDArray[np.bool_]]:
@@ -97,8 +103,7 @@ def _from_own_sides(
 
 def _without_side(model: Model, rows: Rows) -> NDArray[np.bool_]:
     """Rows (n,) in which a drive whose side counts is approached from none: the first one, unless a side is stated."""
-    sided = (e for e in model.effects if "direction" in e.effect.needs)
-    names = {model.actuators[s.actuator].name for e in sided for s in e.sites if s.actuator >= 0}
+    names = [model.actuators[a].name for a in sided_drives(model)]
     none = [rows.columns[f"dir.{name}"] == 0 for name in names if f"dir.{name}" in rows.columns]
     return np.asarray(np.any(none, axis=0)) if none else np.zeros(len(rows), dtype=bool)
 

@@ -106,6 +106,12 @@ class ExportCase:
         columns = [rows.columns[f"dir.{self.model.actuators[a].name}"] for a in self.drives]
         return np.stack(columns, axis=1).astype(int)
 
+    @property
+    def corrected_sides(self) -> NDArray[np.int_]:
+        """Sides (n, A) that the corrected set values are for: 1, -1, 0 unknown."""
+        columns = [self.made.rows.columns[f"dir.{a.name}"][self.usable] for a in self.model.actuators]
+        return np.stack(columns, axis=1).astype(int)
+
     def _directed(self, set_values: Array) -> Rows:
         rows = replace(self.circumstances, readings=set_values)
         return with_directions(rows, [a.name for a in self.model.actuators])

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.internal_force import InternalForces
+from pkmcal_cli.correction.waypoints import GAP
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.prediction import Request, Rows, predict
 from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 from pkmcal_cli.prediction.touching import tcp_places
-from pkmcal_cli.workflow.waypoints import GAP
 
 _TRIES = 16  # directions in which the tool point may step back
 _SHORTER = (1.0, 0.3, 0.1)  # lengths of the way that are tried

@@ -8,15 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.correction.waypoints import Stations, waypoints
 from pkmcal_cli.csv_files.dialect import split_header
 from pkmcal_cli.csv_files.origin import Origin
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows
+from pkmcal_cli.prediction.inverse_kinematics import drive_positions
+from pkmcal_cli.prediction.touching import tcp_places
 from pkmcal_cli.tables.columns import columns_of
 from pkmcal_cli.workflow.approaches import Approaches
 from pkmcal_cli.workflow.schedule_forms import Schedule, write_form
-from pkmcal_cli.workflow.waypoints import waypoints
 
 DATUM_EVERY = 20  # rows between visits of the datum pose
 PACE = 20.0  # s a row: the way there, coming to rest, reading
@@ -67,7 +69,12 @@ def write_schedule(
 
 def _ways(model: Model, there: Array, begin: Array, held: list[int]) -> list[Array]:
     """Set values (k, h) on the way from each row (N, A) to where the approach of the next one begins; first: none."""
-    between = waypoints(model, there[:-1], begin[1:])
+    begins, ends = (Stations(q, tcp_places(model, model.nominal, Rows.at(q))) for q in (there[:-1], begin[1:]))
+
+    def inverse(poses: Array) -> Array:
+        return drive_positions(model, poses, held=model.independent_coordinates).readings
+
+    between = waypoints(model, inverse, begins, ends)
     return [there[:0, held], *(way[:, held] for way in between)]
 
 

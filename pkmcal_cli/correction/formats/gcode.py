@@ -1,4 +1,4 @@
-"""Corrected set points as a program: go there, wait, go on.
+"""Corrected set points as a program: go there, from the side that counts, wait, go on.
 
 RS274/NGC: lengths in mm (G21), absolute (G90), G1 at a feed per minute (G94), G4 P waits in seconds. Firmware of
 printers counts the P of G4 in milliseconds. Points of the tool are those which the control, with the kinematics of the
@@ -14,6 +14,8 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.export_case import Draft, ExportCase, Format
+from pkmcal_cli.correction.program_path import program_path
+from pkmcal_cli.correction.waypoints import Stations
 from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 from pkmcal_cli.units.unit_text import Unit, parse_unit
@@ -30,6 +32,7 @@ _STEPS = 20
 _THERE = 1e-12  # of the machine's size: set values of a point are those that are wanted
 _DIGITS = {"length": 5, "angle": 6}  # decimals of mm and deg
 _LINEAR, _ROTARY = "XYZUVW", "ABC"
+DRIVES_KEYWORD = "gcode-drives"
 
 
 @dataclass(frozen=True)
@@ -66,8 +69,8 @@ def _unit(length: bool) -> tuple[Unit, int]:
     return parse_unit("mm" if length else "deg"), _DIGITS[kind]
 
 
-def _points(case: ExportCase, keyword: str) -> tuple[_Words, Array]:
-    """Points of the tool, and set values (n, A) that the control makes of them."""
+def _points(case: ExportCase, keyword: str, path: Stations) -> tuple[_Words, Array]:
+    """Points of the tool, and set values (m, A) that the control makes of them."""
     held = case.made.aim.held
     if case.turned and case.loaded.machine.space == "spatial":
         message = f"words for orientations ({', '.join(case.turned)}) differ between controls"
@@ -75,7 +78,7 @@ def _points(case: ExportCase, keyword: str) -> tuple[_Words, Array]:
     if len(held) != len(case.drives):
         message = f"no tool point corresponds to set values of {len(case.drives)} drives ({len(held)} coordinates)"
         raise case.refuse(keyword, message, "use `--as gcode-drives`, or tables of single drives")
-    poses = _moved_points(case, keyword)
+    poses = _moved_points(case, keyword, path)
     columns = [DIRECTIONS.index(c) for c in held]
     letters = ["C" if c == "rz" else c.upper() for c in held]
     words = _Words.rounded(letters, [c in "xyz" for c in held], poses[:, columns])
@@ -83,25 +86,26 @@ def _points(case: ExportCase, keyword: str) -> tuple[_Words, Array]:
     return words, drive_positions(case.model, poses, None, held).readings
 
 
-def _moved_points(case: ExportCase, keyword: str) -> Array:
-    """Poses (n, 6) at which the nominal machine has the corrected set values: Newton's method."""
+def _moved_points(case: ExportCase, keyword: str, path: Stations) -> Array:
+    """Poses (m, 6) at which the nominal machine has the set values of a path: Newton's method."""
     held, drives = case.made.aim.held, case.drives
     columns = [DIRECTIONS.index(c) for c in held]
     size = np.where([c in "xyz" for c in held], case.model.length, 1.0)
-    poses = case.poses.copy()
+    poses = path.poses.copy()
     for _ in range(_STEPS):
         inverse = drive_positions(case.model, poses, None, held, derivatives=True)
         assert inverse.by_pose is not None
         if not inverse.reached.all():
             break
-        step = np.linalg.solve(inverse.by_pose[:, drives], (case.corrected - inverse.readings)[:, drives, None])[..., 0]
+        off = (path.set_values - inverse.readings)[:, drives, None]
+        step = np.linalg.solve(inverse.by_pose[:, drives], off)[..., 0]
         poses[:, columns] += step
         if (np.abs(step) < _THERE * size).all():
             return poses
     raise case.refuse(keyword, "the nominal machine cannot reach the corrected set values", "correct fewer targets")
 
 
-def _drive_words(case: ExportCase, keyword: str) -> tuple[_Words, Array]:
+def _drive_words(case: ExportCase, keyword: str, path: Stations) -> tuple[_Words, Array]:
     """Words of drives in the order of the machine file."""
     free = {True: iter(_LINEAR), False: iter(_ROTARY)}
     lengths = [case.model.actuators[a].dimension != "angle" for a in case.drives]
@@ -109,36 +113,38 @@ def _drive_words(case: ExportCase, keyword: str) -> tuple[_Words, Array]:
     if not all(letters):
         message = f"{len(letters)} drives exceed the number of axis words ({_LINEAR} linear, {_ROTARY} rotary)"
         raise case.refuse(keyword, message, "use tables of single drives")
-    words = _Words.rounded(letters, lengths, case.corrected[:, case.drives])
-    commands = case.corrected.copy()
+    words = _Words.rounded(letters, lengths, path.set_values[:, case.drives])
+    commands = path.set_values.copy()
     commands[:, case.drives] = words.numbers
     return words, commands
 
 
 def _program(
-    keyword: str, words: Callable[[ExportCase, str], tuple[_Words, Array]], comment: str, seconds: bool
+    keyword: str, words: Callable[[ExportCase, str, Stations], tuple[_Words, Array]], comment: str, seconds: bool
 ) -> Callable[[ExportCase], Draft]:
     """A draft of one dialect; comment: how remarks begin."""
 
     def draft(case: ExportCase) -> Draft:
-        rows, commands = words(case, keyword)
+        path = program_path(case, straight_tool=keyword != DRIVES_KEYWORD)
+        rows, commands = words(case, keyword, path.stations)
         wait = f"G4 P{case.dwell:g}" if seconds else f"G4 P{1e3 * case.dwell:.0f}"
         waits = [wait] if seconds else ["M400", wait]  # printers: after all motion has ended
 
         def texts(remarks: Sequence[str]) -> Mapping[str, str]:
             lines = [f"{comment} {line}" for line in (*_header(case, keyword, rows), *remarks)]
             lines += ["G21", "G90", *(["G94"] if seconds else [])]
-            for name, row in zip(case.names, rows.lines(), strict=True):
-                lines += [f"{comment} target {name}", f"G1 {row} F{case.feed:g}", *waits]
+            moves = [f"G1 {row} F{case.feed:g}" for row in rows.lines()]
+            for name, first, last in zip(case.names, (0, *(path.targets + 1)), path.targets, strict=False):
+                lines += [f"{comment} target {name}", *moves[first : last + 1], *waits]
             return {"": "\n".join([*lines, *(["M2"] if seconds else []), ""])}
 
-        return Draft(commands=commands, values=case.values, texts=texts)
+        return Draft(commands=commands[path.targets], values=case.values, texts=texts, notes=path.notes)
 
     return draft
 
 
 def _header(case: ExportCase, keyword: str, rows: _Words) -> list[str]:
-    if keyword != "gcode-drives":
+    if keyword != DRIVES_KEYWORD:
         return ["points of the tool; the control has the kinematics of the nominal machine"]
     words = (f"{letter} = {case.name(a)}" for letter, a in zip(rows.letters, case.drives, strict=True))
     return [f"set values of drives, identity kinematics: {', '.join(words)}; mm, deg"]
@@ -149,8 +155,8 @@ GCODE = Format(
     draft=_program("gcode", _points, ";", seconds=True),
 )  # fmt: skip
 DRIVES = Format(
-    keyword="gcode-drives", title="corrected set values of the drives, RS274/NGC", sources=_NGC, suffix=".ngc",
-    draft=_program("gcode-drives", _drive_words, ";", seconds=True),
+    keyword=DRIVES_KEYWORD, title="corrected set values of the drives, RS274/NGC", sources=_NGC, suffix=".ngc",
+    draft=_program(DRIVES_KEYWORD, _drive_words, ";", seconds=True),
 )  # fmt: skip
 PRINTER = Format(
     keyword="gcode-printer", title="corrected set points of the tool, firmware of printers", sources=_PRINTERS,
