@@ -185,3 +185,21 @@ def test_rows_that_the_calibration_had_do_not_check_it(calibration: str, tmp_pat
     twice = run("calibrate", BIGLIDE, table, "--prior", parameters, "--holdout", "none")
     assert "fitted to these rows, so they count twice" in twice.err
     assert "fitted to these rows" not in run("check", BIGLIDE, table, "-p", calibration).err
+
+
+def test_a_row_without_a_prediction_is_told_once_and_passes_nothing(calibration: str, tmp_path: Path) -> None:
+    """Points of the other rows may all be within the tolerance; the verdict stands at the line that is furthest off."""
+    after = Path(write_table(tmp_path / "after.csv", "biglide", true_values("biglide", 1), 2, 30))
+    lines = after.read_text().splitlines()
+    cells, headers = lines[3].split(","), lines[0].split(",")
+    cells[next(k for k, header in enumerate(headers) if header.startswith("q1"))] = "9000"
+    after.write_text("\n".join([*lines[:3], ",".join(cells), *lines[4:], ""]))
+    done = run("check", BIGLIDE, after, "-p", calibration, "--tolerance", "1 mm", "--json", "--format", "github")
+    found = done.json["verification"]
+    assert done.code == 1 and found["tolerance"]["verdict"] == "undecided" and found["tolerance"]["n_pass"] == 29
+    assert "UNDECIDED (ISO 14253-1, tolerance 1 mm): 29 points: 29 pass, 0 fail, 0 undecided; 1 row without" in done.err
+    assert "NOT COMPATIBLE" not in done.err, "the other rows agree"
+    shown = [line for line in done.err.splitlines() if not line.startswith("::")]
+    assert sum("out of reach" in line for line in shown) == 1
+    furthest = found["tolerance"]["largest"]["line"]
+    assert f"::error file={after},line={furthest}::UNDECIDED" in done.err

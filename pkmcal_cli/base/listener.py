@@ -25,8 +25,8 @@ class Listener(Protocol):
     def warn(self, finding: str | Fault, where: Location | None = None) -> None:
         """A warning; `where`: the place that a text is about."""
 
-    def fail(self, finding: str | Fault) -> None:
-        """Why the verdict is negative."""
+    def fail(self, finding: str | Fault, where: Location | None = None) -> None:
+        """Why the verdict is negative; `where`: the place that a text is about."""
 
     def stages(self) -> AbstractContextManager[Observer]:
         """Who is told where a long work has come to."""
@@ -64,7 +64,7 @@ class Record:
         else:
             self.warnings.append(text)
 
-    def fail(self, finding: str | Fault) -> None:
+    def fail(self, finding: str | Fault, where: Location | None = None) -> None:
         """Why the verdict is negative."""
         self.failures.append(_text(finding))
 

@@ -79,10 +79,14 @@ def joined(parts: Sequence[PointErrors]) -> PointErrors:
 
 @dataclass(frozen=True)
 class Judged:
-    """Points by a tolerance, m: one passes where |e| + U is within it, fails where |e| - U is not (ISO 14253-1)."""
+    """Points by a tolerance, m: one passes where |e| + U is within it, fails where |e| - U is not (ISO 14253-1).
+
+    unpredicted: number of rows that nothing predicts, so nobody can tell.
+    """
 
     points: PointErrors
     tolerance: float
+    unpredicted: int = 0
 
     @property
     def passed(self) -> NDArray[np.bool_]:
@@ -104,4 +108,4 @@ class Judged:
         """Of all: "pass" if every point passes, "fail" if one fails, else "undecided"."""
         if self.failed.any():
             return "fail"
-        return "pass" if self.passed.all() and len(self.points.rows) else "undecided"
+        return "pass" if self.passed.all() and len(self.points.rows) and not self.unpredicted else "undecided"

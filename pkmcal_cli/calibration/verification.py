@@ -203,4 +203,4 @@ def _unexplained(problem: Problem, left: Mapping[str, float]) -> Array:
 
 def judged(v: Verification, tolerance: float) -> Judged:
     """Position errors by a tolerance, m: distance of measured from predicted point."""
-    return Judged(v.points, tolerance)
+    return Judged(v.points, tolerance, len(v.failed))

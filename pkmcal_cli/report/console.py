@@ -52,10 +52,10 @@ class Reporter:
         if not self.quiet:
             self.mark(finding, where, "warning")
 
-    def fail(self, finding: str | Fault) -> None:
-        """Why the verdict is negative: shown even when quiet."""
+    def fail(self, finding: str | Fault, where: Location | None = None) -> None:
+        """Why the verdict is negative, `where` as for a warning: shown even when quiet."""
         self._finding(finding, "red", always=True)
-        self.mark(finding, None, "error")
+        self.mark(finding, where, "error")
 
     def mark(self, finding: str | Fault, where: Location | None, severity: Severity) -> None:
         """A finding as an annotation alone, where these are asked for."""

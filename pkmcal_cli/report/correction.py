@@ -79,7 +79,8 @@ class CorrectionReport:
             return
         rows = sorted(self.lost.reasons)
         for row in rows[:_SHOWN]:
-            to.fail(f"{self.targets.row_origin(row)}: {self.lost.reasons[row]}")
+            row_origin = self.targets.row_origin(row)
+            to.fail(f"{row_origin}: {self.lost.reasons[row]}", row_origin.location)
         if rows:
             to.fail(f"not in the table (no set values): {count(len(rows), 'target')}")
 

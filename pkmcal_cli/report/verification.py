@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.fitted_frames import stands_anywhere
 from pkmcal_cli.calibration.point_errors import Judged, K, partly_measured
-from pkmcal_cli.calibration.verification import Verification
+from pkmcal_cli.calibration.verification import SIGNIFICANT, Verification
 from pkmcal_cli.loading.poses import RowOrigin
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.failed_rows import FailedRows
@@ -23,7 +23,10 @@ _WITH_FRAME = "U of each point includes that the instrument's place is fitted to
 
 
 class VerificationReport:
-    """A verification, ready to be shown; `judged`: by a tolerance, where there is one, in its unit."""
+    """A verification, ready to be shown; `judged`: by a tolerance, where there is one, in its unit.
+
+    faulty: rows without a prediction that are shown as faults of the table.
+    """
 
     def __init__(
         self,
@@ -31,9 +34,13 @@ class VerificationReport:
         judged: Judged | None,
         unit: Unit | None,
         row_origin: Callable[[int], RowOrigin],
+        faulty: Collection[int] = (),
     ) -> None:
         self.verification, self.judged, self.unit, self.row_origin = verification, judged, unit, row_origin
         self.failed = FailedRows(verification.failed, row_origin, len(verification.problem))
+        self.unshown = FailedRows(
+            {k: why for k, why in verification.failed.items() if k not in faulty}, row_origin, len(verification.problem)
+        )
         self.normalised = verification.normalised
 
     @property
@@ -45,27 +52,33 @@ class VerificationReport:
             return f"UNDECIDED: {count(v.problem.count, 'reading')} do not suffice{fitted}; measure more rows"
         chance = f"chi-square {v.chi2:.4g}, {count(v.dof, 'degree')} of freedom, p {v.p_value:.2g}"
         if j is None:
-            return f"{'compatible' if v.compatible else 'NOT COMPATIBLE'} with the parameters: {chance}"
+            return f"{'compatible' if v.compatible else 'NOT COMPATIBLE'} with the parameters: {chance}{self._lost}"
         words = {"pass": "PASS", "fail": "FAIL", "undecided": "UNDECIDED"}[j.verdict]
         assert self.unit is not None
         sums = f"{int(j.passed.sum())} pass, {int(j.failed.sum())} fail, {int(j.undecided.sum())} undecided"
-        points = f"{count(len(j.points.rows), 'point')}: {sums}"
+        points = f"{count(len(j.points.rows), 'point')}: {sums}{self._lost}"
         return f"{words} (ISO 14253-1, tolerance {self.unit.from_si(j.tolerance):.6g} {self.unit.text}): {points}"
+
+    @property
+    def _lost(self) -> str:
+        rows = self.verification.failed
+        return f"; {count(len(rows), 'row')} without a prediction" if rows else ""
 
     @property
     def ok(self) -> bool:
         """Whether the verdict is positive."""
         if self.judged is None:
             return self.verification.compatible
-        if not self.verification.overdetermined:
-            return False
-        return self.judged.verdict == "pass" and not self.verification.failed
+        return self.verification.overdetermined and self.judged.verdict == "pass"
 
     def show(self, to: Reporter) -> None:
         """For people."""
         v = self.verification
-        (to.say if self.ok else to.fail)(self.verdict)
-        if self.judged is not None and not v.compatible and v.dof > 0:
+        if self.ok:
+            to.say(self.verdict)
+        else:
+            to.fail(self.verdict, self._furthest.location)
+        if self.judged is not None and not v.p_value >= SIGNIFICANT and v.dof > 0:
             to.warn(f"warning: NOT COMPATIBLE with the parameters: p {v.p_value:.2g}; something has changed")
         partly = 0 if self.judged is None else partly_measured(v.problem, self.judged.points.rows)
         if partly:
@@ -87,7 +100,15 @@ class VerificationReport:
         to.table("Errors, measured - predicted; U: expanded uncertainties (k = 2), rms", headers, rows)
         for text in self._worst():
             to.say(text)
-        self.failed.show(to)
+        self.unshown.show(to)
+
+    @property
+    def _furthest(self) -> RowOrigin:
+        """The row that is furthest off: by the tolerance where there is one, else by its normalised errors."""
+        points = None if self.judged is None else self.judged.points
+        if points is not None and points.worst is not None:
+            return self.row_origin(int(points.rows[points.worst]))
+        return self.row_origin(int(self.normalised.max(axis=1).argmax()))
 
     def _worst(self) -> list[str]:
         """The point that is furthest off, where there is a tolerance."""

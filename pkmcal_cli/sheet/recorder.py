@@ -29,7 +29,7 @@ class Recorder(Reporter):
         text = finding if isinstance(finding, str) else finding.text()
         self.blocks.append(Text(text.removeprefix("warning: "), "warning"))
 
-    def fail(self, finding: str | Fault) -> None:
+    def fail(self, finding: str | Fault, where: Location | None = None) -> None:
         """Why a verdict is negative."""
         self.warn(finding)
 

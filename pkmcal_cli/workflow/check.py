@@ -88,12 +88,13 @@ def run_check(request: CheckRequest) -> int:
             end = _End(to, as_json, result, inputs | _named_files(request))
             return _finish(end, faults + list(measured.faults), total + measured.total)
         start = load_parameters(loaded.model.for_sessions(measured.sessions), request.parameters)
-        result["measurements"], table_faults, count = check_tables(loaded, measured, start, to)
-        faults, total, inputs = faults + table_faults, total + count, inputs | measured.inputs | start.inputs
+        table = check_tables(loaded, measured, start, to)
+        result["measurements"], inputs = table.counts, inputs | measured.inputs | start.inputs
+        faults, total = faults + table.faults, total + table.total
         if request.parameters is not None and result["measurements"]["n_values"]:
             from pkmcal_cli.workflow.verify import verify
 
-            verification = verify(loaded, measured, start, request.parameters, tolerance, to)
+            verification = verify(loaded, measured, start, request.parameters, tolerance, to, table.lost)
             result["verification"], agrees = verification.json(), verification.ok
     return _finish(_End(to, as_json, result, inputs), faults, total, agrees)
 

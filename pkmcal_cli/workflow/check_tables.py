@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -24,10 +25,20 @@ from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.workflow.nominal_misfit import NominalMisfitReport
 
 
-def check_tables(
-    loaded: LoadedMachine, measured: Measurements, start: Start, to: Reporter
-) -> tuple[dict[str, Any], list[Fault], int]:
-    """Counts, faults (the first ones) and their number: of reading, rows without a solution, gross mistakes."""
+@dataclass(frozen=True, kw_only=True)
+class TableCheck:
+    """Counts of tables; the first faults, of rows without a solution and of gross mistakes, and the number of all;
+    rows (k,) that the faults are about, as far as they are rows without a solution.
+    """
+
+    counts: dict[str, Any]
+    faults: list[Fault]
+    total: int
+    lost: frozenset[int]
+
+
+def check_tables(loaded: LoadedMachine, measured: Measurements, start: Start, to: Reporter) -> TableCheck:
+    """What tables are worth at the values of `start`."""
     to.notes(measured.notes)
     for fault in measured.warnings:
         to.warn(fault)
@@ -61,7 +72,9 @@ def check_tables(
     counts = {"n_rows": len(problem), "n_values": problem.count, "sessions": list(measured.sessions)}
     counts["nominal"] = nominal.json()
     counts["warnings"] = [*(f.what for f in measured.warnings), *copied, *loads.warnings, *far]
-    return counts, hints + faults, len(hints) + len(lost)
+    return TableCheck(
+        counts=counts, faults=hints + faults, total=len(hints) + len(lost), lost=frozenset(map(int, lost))
+    )
 
 
 def _values(problem: Problem, start: Start) -> Array:

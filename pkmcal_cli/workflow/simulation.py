@@ -255,7 +255,7 @@ class Simulation:
         tally = self.tally
         to.say(f"{count(tally.rows, 'row')} simulated")
         for row_origin, reason in tally.failed[: _SHOWN if by_row else 0]:
-            to.fail(f"{row_origin}: {reason}")
+            to.fail(f"{row_origin}: {reason}", row_origin.location)
         if by_row and tally.n_failed > _SHOWN:
             to.fail(f"... and {tally.n_failed - _SHOWN} more")
         if by_row and tally.n_failed:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from functools import partial
 
@@ -30,8 +31,12 @@ def verify(
     parameters: str,
     tolerance: tuple[float, Unit] | None,
     to: Reporter,
+    faulty: Collection[int] = (),
 ) -> VerificationReport:
-    """Readings against the parameters of a file, named `parameters`; shown. Raises BadInput and UsageError."""
+    """Readings against the parameters of a file, named `parameters`; shown. Raises BadInput and UsageError.
+
+    faulty: rows without a prediction that are shown as faults of the table.
+    """
     problem = problem_of(loaded.model, measured)
     on = problem.measured.copy()
     on[:, problem.once] = False  # what was measured on the bench is no reading of this table
@@ -52,7 +57,7 @@ def verify(
         raise unsolved(measured, failure.evaluation.prediction) from None
     limit, unit = tolerance or (None, None)
     by_limit = None if limit is None else judged(verification, limit)
-    report = VerificationReport(verification, by_limit, unit, partial(origin_of, measured))
+    report = VerificationReport(verification, by_limit, unit, partial(origin_of, measured), faulty)
     report.show(to)
     return report
 
