@@ -125,3 +125,11 @@ def test_a_program_of_redundant_drives_strains_nothing_on_its_way() -> None:
         assert forces < 0.25 * uncorrected, f"{forces:.0f} N beside {uncorrected:.0f} N"
     straight = truth.forward(0.5 * (targets[1:] + targets[:-1]), si).drive_force
     assert np.abs(straight).max() > 100 * uncorrected
+
+
+@pytest.mark.parametrize("grid", ["x=0:0.1:2,y=0:0:1", "x=0:0:1,y=0:0:1"])
+def test_targets_side_by_side_need_no_points_between(grid: str) -> None:
+    done = run("correct", SCISSORS, "--grid", grid, "--as", "gcode-drives", "-o", "out.txt", "--json")
+    assert done.code == 0, done.err
+    assert len(re.findall(r"^G1 ", Path("out.txt").read_text(), re.MULTILINE)) == done.json["n_targets"]
+    assert run("plan", SCISSORS, "--grid", grid, "--as", "gcode", "-o", "plan.ngc").code == 0

@@ -55,7 +55,8 @@ def waypoints(model: Model, inverse: Inverse, begin: Stations, end: Stations) ->
         straight = begin.set_values + share * (end.set_values - begin.set_values)
         apart = np.maximum(apart, np.abs((between(slice(None), share) - straight) * model.gains).max(axis=1))
     steps = np.ceil(np.sqrt(np.nan_to_num(apart) / (GAP * model.length)) + 1e-9).astype(int).clip(1, _MOST)
-    return [
-        between(np.array([k]), np.linspace(0.0, 1.0, count + 1)[1:-1, None]) if count > 1 else none
-        for k, count in enumerate(steps)
-    ]
+    ways = np.repeat(np.arange(len(steps)), steps - 1)
+    ends = np.cumsum(steps - 1)
+    number = np.arange(len(ways)) - (ends - steps + 1)[ways] + 1  # of a point on its way
+    points = between(ways, (number / steps[ways])[:, None]) if len(ways) else none
+    return np.split(points, ends[:-1])

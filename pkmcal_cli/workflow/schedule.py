@@ -69,6 +69,8 @@ def write_schedule(
 
 def _ways(model: Model, there: Array, begin: Array, held: list[int]) -> list[Array]:
     """Set values (k, h) on the way from each row (N, A) to where the approach of the next one begins; first: none."""
+    if len(there) < 2:
+        return [there[:0, held]] * len(there)
     begins, ends = (Stations(q, tcp_places(model, model.nominal, Rows.at(q))) for q in (there[:-1], begin[1:]))
 
     def inverse(poses: Array) -> Array:
