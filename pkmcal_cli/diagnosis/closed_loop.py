@@ -28,7 +28,7 @@ from pkmcal_cli.diagnosis.far_causes import of_any_size
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates, Hypothesis
 from pkmcal_cli.diagnosis.outlying_rows import MOST
 from pkmcal_cli.diagnosis.report_rows import Errors, Interval, OuterFold, errors_of, gain_of, rms_gain_of
-from pkmcal_cli.diagnosis.rotations import parts_of, rotations
+from pkmcal_cli.diagnosis.rotations import begun_with, parts_of, rotations
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis, diagnose
 from pkmcal_cli.diagnosis.search_options import SearchOptions
 from pkmcal_cli.model.model import Model
@@ -124,8 +124,9 @@ def improve(
     clean = replace(clean, model=model)
     validation = None if validation is None else replace(validation, model=model)
     options = SearchOptions(alpha=alpha, seed=seed, observe=observe, workers=workers)
-    first = rotations(candidates, parts_of(clean, validation), selected, options)
-    begun = _Progress(first, errors_of(first), identify(clean, whole.search.declared, _start(clean, (), whole)))
+    first = rotations(_as_calibrated(candidates, whole), parts_of(clean, validation), selected, options)
+    start = begun_with(_as_calibrated(candidates, whole), clean)
+    begun = _Progress(first, errors_of(first), identify(clean, whole.search.declared, start))
     progress, broken = _all_tried(begun, clean, whole, options)
     fit, clean, budget = _at_last(_beside(clean, progress.accepted, whole), progress.last, loss)
     return Improvement(
@@ -143,6 +144,13 @@ def improve(
         alpha=alpha,
         broken=broken,
     )
+
+
+def _as_calibrated(candidates: Candidates, whole: Diagnosis) -> Candidates:
+    """The candidates with fits that begin where a calibration without effects ends, whose parameters absorb some."""
+    if all(far_off.absorbed is None for far_off in whole.search.far_off.values()):
+        return candidates
+    return replace(candidates, start=whole.before.values[: len(candidates.model.names)])
 
 
 def _at_last(problem: Problem, fit: Fit, loss: Loss) -> tuple[Fit, Problem, ErrorBudget]:

@@ -20,6 +20,7 @@ from pkmcal_cli.units.measurands import Measurand
 
 FOLDS = 6
 _CELLS = 4
+_CHANCE = 2.0  # standard errors
 _FEW = 40  # rows below which each pose is held out by itself
 _EDGE = 1e-6  # of a cell: a pose on the edge of two is in the upper one, whatever its rounding
 
@@ -48,6 +49,12 @@ class HeldOutGain:
         return not self.gain > 0.0
 
 
+    @property
+    def harms(self) -> bool:
+        """Whether they are predicted worse by more than chance: where parameters can stand for the effect."""
+        return self.gain < -_CHANCE * self.error
+
+
 def held_out_gain(search: Search, hypothesis: Hypothesis) -> HeldOutGain:
     """What one accepted effect gains on rows that were not used to fit.
 
@@ -61,7 +68,7 @@ def held_out_gain(search: Search, hypothesis: Hypothesis) -> HeldOutGain:
 def _held_out_gain(search: Search, hypothesis: Hypothesis) -> HeldOutGain:
     labels, scheme = blocks(search.problem, hypothesis)
     raw_with, white_with, on = _held_out(search, search.fit.values, search.selected, labels)
-    raw_without, white_without, there = _held_out(search, *nulled(search, [hypothesis]), labels)
+    raw_without, white_without, there = _held_out(search, *_without(search, hypothesis), labels)
     folds, on = np.unique(labels), on & there
     squares = np.where(on, white_without**2 - white_with**2, 0.0)
     gains = np.array([squares[labels == f].sum() / max(on[labels == f].sum(), 1) for f in folds])
@@ -74,6 +81,14 @@ def _held_out_gain(search: Search, hypothesis: Hypothesis) -> HeldOutGain:
         float(gains.std(ddof=1) / np.sqrt(len(folds))) if len(folds) > 1 else float("inf"),
         scheme,
     )
+
+
+def _without(search: Search, hypothesis: Hypothesis) -> tuple[Array, tuple[str, ...]]:
+    """Values (P,), SI, without an effect, and what is identified then: where parameters take it up, these do."""
+    far_off = search.far_off.get(hypothesis.name)
+    if far_off is None or far_off.absorbed is None:
+        return nulled(search, [hypothesis])
+    return far_off.absorbed.values, far_off.absorbed.selected
 
 
 def shown_channels(problem: Problem) -> list[int]:

@@ -3,13 +3,15 @@
 What is far off is not found by a linear test at a calibration without it: declared parameters have taken up what they
 can, and the machine is elsewhere. So each candidate is fitted from the nominal machine, nonlinear and free in size; the
 best are fitted again from several starts. One is named where it explains most of what is left, brings the declared
-parameters back, and helps rows that were held out.
+parameters back, and does not harm rows that were held out. Where declared parameters have taken up all of it, what is
+left is how far these are off: as improbable as their ranges say.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -21,13 +23,14 @@ from pkmcal_cli.calibration.plausible import implausible_residuals
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate, lost_rows
 from pkmcal_cli.diagnosis.confirm import held_out_gain
+from pkmcal_cli.diagnosis.first_fit import OUT
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
 from pkmcal_cli.diagnosis.linear import linear_problem
 from pkmcal_cli.diagnosis.score import UNUSUAL
 from pkmcal_cli.diagnosis.scoring import FarOff, Search
 
 _KINDS = ("zero", "scale")
-_OUT = 3.0  # ranges off nominal, beyond which a declared parameter has run away
+_NOWHERE = 10.0  # the same, where no machine has it
 _TIMES = 25.0  # chi-square over its degrees of freedom, from which on that is looked into
 _EXPLAINED = 0.75  # share of chi-square that a far cause explains
 _WORTH = 0.5  # share of chi-square that it may leave after a few steps
@@ -41,10 +44,10 @@ _REVERSED = -2.0  # scale of a drive whose sign is wrong
 
 def with_far_causes(search: Search, observe: Observer = unobserved) -> Search:
     """The search with far-off causes accepted, one after the other, where the calibration has run away."""
-    while len(search.far_off) < _MOST and _run_away(search) and not _held_explain(search):
+    while len(search.far_off) < _MOST and (_absorbed(search) or (_run_away(search) and not _held_explain(search))):
         candidates = [h for h in search.open if h.effect in _KINDS and not h.session]
         try:
-            better = _best(search, candidates[:_CANDIDATES], observe)
+            better = _best(_from_nominal(search), candidates[:_CANDIDATES], observe)
         except RowsFailed:  # the nominal machine predicts too little to begin with
             break
         search = replace(better or search, untried=tuple(h.name for h in candidates[_CANDIDATES:]))
@@ -61,6 +64,24 @@ def _run_away(search: Search) -> bool:
     return bool(_offsets(search, fit)) or bool(implausible_residuals(search.problem, fit))
 
 
+def _absorbed(search: Search) -> bool:
+    """Whether a calibration leaves little, but puts a declared parameter where no machine has it."""
+    return search.fit.chi2_per_dof <= _TIMES and _furthest(search, search.fit) > _NOWHERE
+
+
+def _from_nominal(search: Search) -> Search:
+    """The search with fits that begin at the nominal machine, as declared parameters are to come back there."""
+    return replace(search, candidates=replace(search.candidates, start=None))
+
+
+def _misfit(search: Search, fit: Fit, share: float = 1.0) -> float:
+    """Chi-square, times a share, and where parameters have taken up what was off, how improbable they are, as much."""
+    if not _absorbed(search):
+        return share * fit.chi2
+    improbable = float(((2.0 * _off_nominal(search, fit)[2]) ** 2).sum())
+    return share * fit.chi2 + max(search.fit.chi2_per_dof, 1.0) * improbable
+
+
 def _held_explain(search: Search) -> bool:
     """Whether declared parameters that are held explain most of it within their ranges: they go before effects."""
     model = search.problem.model
@@ -74,13 +95,13 @@ def _held_explain(search: Search) -> bool:
         return False
     index = [model.names.index(n) for n in held]
     off = np.abs(fit.values[index] - model.nominal[index]) / model.ranges[index]
-    return fit.chi2 < (1 - _EXPLAINED) * search.fit.chi2 and float(off.max(initial=0.0)) < _OUT
+    return fit.chi2 < (1 - _EXPLAINED) * search.fit.chi2 and float(off.max(initial=0.0)) < OUT
 
 
 def _offsets(search: Search, fit: Fit) -> dict[str, float]:
     """How far declared parameters are off nominal, the furthest first, SI; those beyond their ranges."""
     names, off, share = _off_nominal(search, fit)
-    order = [int(k) for k in np.argsort(-share, kind="stable") if share[k] > _OUT]
+    order = [int(k) for k in np.argsort(-share, kind="stable") if share[k] > OUT]
     return {names[k]: float(off[k]) for k in order}
 
 
@@ -102,25 +123,29 @@ def _best(search: Search, candidates: Sequence[Hypothesis], observe: Observer) -
     """The search with the far-off cause that has most evidence; None where none is one."""
     screened = _screened(search, candidates, observe)
     variance = max(min((f.chi2_per_dof for f in screened.values()), default=1.0), 1.0)
-    order = sorted(screened, key=lambda h: _cost(screened[h], h, variance))[:_BEST]
+    order = sorted(screened, key=lambda h: _cost(search, screened[h], h, variance))[:_BEST]
     ends = {h: fit for h in order if (fit := _fitted(search, h, screened[h])) is not None}
     variance = max(min((f.chi2_per_dof for f in ends.values()), default=1.0), 1.0)
-    cost = {h: _cost(fit, h, variance) for h, fit in ends.items()}
+    cost = {h: _cost(search, fit, h, variance) for h, fit in ends.items()}
     far = [h for h in sorted(ends, key=lambda h: cost[h]) if _is_far(search, h, ends[h])]
     for hypothesis in far:
         competing = [h for h in far if h is hypothesis or not h.akin(hypothesis)]
         weight = np.exp([cost[hypothesis] - cost[h] for h in competing])
         rivals = [(h.whole, float(w / weight.sum())) for h, w in zip(competing, weight, strict=True)]
-        far_off = FarOff(offsets=_offsets(search, search.fit), rivals=tuple(r for r in rivals if r[1] > _RIVAL))
+        far_off = FarOff(
+            offsets=_offsets(search, search.fit), rivals=tuple(r for r in rivals if r[1] > _RIVAL),
+            absorbed=search.fit if _absorbed(search) else None,
+        )  # fmt: skip
         extended = _with(search, hypothesis, ends[hypothesis], far_off)
-        if not held_out_gain(extended, extended.accepted[-1]).contradicts:
+        gain = held_out_gain(extended, extended.accepted[-1])
+        if not (gain.contradicts if far_off.absorbed is None else gain.harms):
             return extended
     return None
 
 
-def _cost(fit: Fit, hypothesis: Hypothesis, variance: float) -> float:
+def _cost(search: Search, fit: Fit, hypothesis: Hypothesis, variance: float) -> float:
     """Less log evidence (BIC) of a fit with a hypothesis."""
-    return 0.5 * (fit.chi2 / variance + len(hypothesis.unknown) * float(np.log(max(fit.dof, 2))))
+    return 0.5 * (_misfit(search, fit) / variance + len(hypothesis.unknown) * float(np.log(max(fit.dof, 2))))
 
 
 def _screened(search: Search, candidates: Sequence[Hypothesis], observe: Observer) -> dict[Hypothesis, Fit]:
@@ -128,14 +153,14 @@ def _screened(search: Search, candidates: Sequence[Hypothesis], observe: Observe
     rows = np.unique(np.linspace(0, len(search.problem) - 1, min(_ROWS, len(search.problem))).astype(np.intp))
     some = replace(search, problem=search.problem.take(rows))
     gross = bool(implausible_residuals(search.problem, search.fit))
-    most = _WORTH * search.fit.chi2 * some.problem.count / search.problem.count
+    most = _WORTH * _misfit(search, search.fit, some.problem.count / search.problem.count)
     out = {}
     every = _starts(some, candidates, gross)
     for k, (hypothesis, starts) in enumerate(every.items()):
         observe(Stage("far-off causes", k, len(every)))
         fits = [_fit(some, hypothesis, start, _STEPS) for start in starts]
-        best = min((f for f in fits if f is not None), key=lambda f: f.chi2, default=None)
-        if best is not None and best.chi2 < most:
+        best = min((f for f in fits if f is not None), key=partial(_misfit, search), default=None)
+        if best is not None and _misfit(search, best) < most:
             out[hypothesis] = best
     return out
 
@@ -187,14 +212,14 @@ def _fitted(search: Search, hypothesis: Hypothesis, screened: Fit) -> Fit | None
     if screened.status == "converged" and len(search.problem) <= _ROWS:
         return screened
     fits = [_fit(search, hypothesis, start, _LAST_STEPS) for start in (screened.values, search.start)]
-    return min((f for f in fits if f is not None), key=lambda f: f.chi2, default=None)
+    return min((f for f in fits if f is not None), key=partial(_misfit, search), default=None)
 
 
 def _with(search: Search, hypothesis: Hypothesis, fit: Fit, far_off: FarOff) -> Search:
     """The search with a far-off cause accepted, from whose size later fits begin."""
     model = search.problem.model
     begin = tuple((n, float(fit.values[model.names.index(n)])) for n in hypothesis.unknown)
-    gain = search.fit.chi2 - fit.chi2
+    gain = _misfit(search, search.fit) - _misfit(search, fit)
     return replace(
         search,
         problem=of_any_size(search.problem, hypothesis),
@@ -214,7 +239,7 @@ def _is_far(search: Search, hypothesis: Hypothesis, fit: Fit) -> bool:
     before = _furthest(search, search.fit)
     return (
         size > UNUSUAL
-        and fit.chi2 < (1 - _EXPLAINED) * search.fit.chi2
-        and (before <= _OUT or _furthest(search, fit) < max(_BACK * before, _OUT))
+        and _misfit(search, fit) < (1 - _EXPLAINED) * _misfit(search, search.fit)
+        and (before <= OUT or _furthest(search, fit) < max(_BACK * before, OUT))
         and len(fit.failed) <= len(search.fit.failed)
     )

@@ -9,6 +9,7 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.stages import Stage
+from pkmcal_cli.calibration.condensed import condensed
 from pkmcal_cli.calibration.error_budget import error_budget, held_parameters
 from pkmcal_cli.diagnosis.confirm import HeldOutGain, held_out_gain
 from pkmcal_cli.diagnosis.detection import Detection, Procedure
@@ -47,6 +48,7 @@ class Finding:
     selected: SelectedSize | None  # its size where being found made it larger
     separable: Separable = field(default_factory=Separable)  # which of it and its rivals further points can tell apart
     run_away: Mapping[str, float] | None = None  # of what is far off: offsets of declared parameters without it, SI
+    absorbed: bool = False  # whether these explain as much
 
     def compared(self, search: Search) -> Finding:
         """The same with what further points can separate."""
@@ -146,7 +148,7 @@ def _far_finding(search: Search, hypothesis: Hypothesis, basis: _Basis) -> Findi
     return Finding(
         hypothesis=hypothesis,
         estimate=tuple(float(fit.values[model.names.index(n)]) for n in hypothesis.parameters),
-        std=tuple(float(s) for s in np.sqrt(basis.variances(search, hypothesis))),
+        std=tuple(float(s) for s in _far_std(search, hypothesis, basis)),
         evidence=search.evidence[hypothesis.name],
         p_value=search.p_values[hypothesis.name],
         share=float("nan"),
@@ -159,7 +161,25 @@ def _far_finding(search: Search, hypothesis: Hypothesis, basis: _Basis) -> Findi
         provisional=basis.doubt or not gain.confirmed,
         selected=None,
         run_away=far_off.offsets,
+        absorbed=far_off.absorbed is not None,
     )
+
+
+def _far_std(search: Search, hypothesis: Hypothesis, basis: _Basis) -> Array:
+    """Standard uncertainties (k,), SI, of an effect of any size: declared parameters are known by their ranges.
+
+    They may stand for it, and then the data alone say nothing of it.
+    """
+    model, names = search.problem.model, search.fit.selected
+    ranges = model.ranges[[model.names.index(n) for n in names]]
+    columns = condensed(search.problem, search.fit.last).jacobian * ranges
+    known = np.array([2.0 if n in search.declared else 0.0 for n in names])
+    variance = basis.last.scale.variance * search.inflation
+    precision = columns.T @ columns / variance + np.diag(known**2)
+    size = np.sqrt(np.diag(precision))
+    covariance = np.linalg.pinv(precision / np.outer(size, size), hermitian=True)
+    squares = dict(zip(names, np.diag(covariance) * (ranges / size) ** 2, strict=True))
+    return np.sqrt([squares.get(n, 0.0) + basis.by_held.get(n, 0.0) for n in hypothesis.parameters])
 
 
 def _selected(

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from pkmcal_cli.calibration.estimated_ranges import centred
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.error_budget import error_budget, held_parameters
+from pkmcal_cli.calibration.estimated_ranges import centred, with_estimated_ranges
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
@@ -13,6 +17,9 @@ from pkmcal_cli.diagnosis.gross_rows import gross_rows
 from pkmcal_cli.diagnosis.hypotheses import Candidates
 from pkmcal_cli.diagnosis.search_options import SearchOptions
 
+OUT = 3.0
+"""Ranges off nominal, beyond which a declared parameter has run away."""
+_BETTER = 9.0  # fall of chi-square, in variances of the noise, that is more than chance
 _SOON = 15  # steps in which fits converge, unless something is wrong
 
 
@@ -36,7 +43,30 @@ def calibrated(
     if fit.status == "not_converged":
         best, _ = best_of_starts(problem, selected, start, fit, 0, options.seed)
         return candidates, fit if best is None else best
-    if candidates.start is None or not fit.directions.weak.any():
-        return candidates, fit
-    start = centred(problem, start, start, fit.directions)
-    return replace(candidates, start=start), identify(problem, selected, start, states=fit.before.start)
+    if candidates.start is not None and fit.directions.weak.any():
+        start = centred(problem, start, start, fit.directions)
+        candidates, fit = replace(candidates, start=start), identify(problem, selected, start, states=fit.before.start)
+    if fit.status == "converged" and (wider := _by_wider_ranges(problem, fit, start)) is not None:
+        return replace(candidates, start=wider.values), wider
+    return candidates, fit
+
+
+def _by_wider_ranges(problem: Problem, fit: Fit, start: Array) -> Fit | None:
+    """The fit from where one with ranges as they turned out to be ends; None where it is no better.
+
+    A parameter that is many ranges off turns the directions that the data hardly see: held near nominal, they would
+    keep it away from where it is.
+    """
+    model = problem.model
+    index = [model.names.index(n) for n in fit.selected]
+    off = np.abs(fit.values[index] - model.nominal[index]) / model.ranges[index]
+    if not (fit.directions.held.any() and (off > OUT).any()):
+        return None
+    budget = error_budget(problem, fit, held_parameters(problem, fit.selected, ()))
+    factors = budget.scales.typical[: len(index)] / np.sqrt(budget.spread)
+    _, again = with_estimated_ranges(problem, fit, start, factors)
+    if again is fit:
+        return None
+    wider = identify(problem, fit.selected, again.values, states=again.after.start)
+    better = wider.status == "converged" and wider.chi2 < fit.chi2 - _BETTER * max(wider.chi2_per_dof, 1.0)
+    return wider if better and not wider.failed else None

@@ -46,9 +46,16 @@ def rotations(
     work = _Rotations(candidates, trains, selected, alone)
     sets_and_fits = options.workers.results(work, len(parts), "rotation", options.observe)
     return tuple(
-        OuterFold(train=train, report=report, rows=rows, sets=sets, fit=fit, start=work.start(train))
+        OuterFold(train=train, report=report, rows=rows, sets=sets, fit=fit, start=begun_with(candidates, train))
         for (train, report, rows), (sets, fit) in zip(parts, sets_and_fits, strict=True)
     )
+
+
+def begun_with(candidates: Candidates, problem: Problem) -> Array:
+    """Values (P,) that fits of rows begin with: as the candidates say, further effects of the problem's model null."""
+    values = replace(candidates, model=problem.model, start=None).begin()
+    values[: len(candidates.model.names)] = candidates.begin()
+    return values
 
 
 @dataclass(frozen=True)
@@ -63,10 +70,4 @@ class _Rotations:
     def __call__(self, number: int, observe: Observer = unobserved) -> tuple[tuple[tuple[Hypothesis, ...], ...], Fit]:
         train, options = self.trains[number], replace(self.options, observe=observe)
         sets = named(self.candidates, replace(train, model=self.candidates.model), self.selected, options)
-        return sets, identify(train, self.selected, self.start(train))
-
-    def start(self, train: Problem) -> Array:
-        """Values (P,) that fits of these rows begin with."""
-        values = replace(self.candidates, model=train.model, start=None).begin()
-        values[: len(self.candidates.model.names)] = self.candidates.begin()
-        return values
+        return sets, identify(train, self.selected, begun_with(self.candidates, train))

@@ -57,13 +57,12 @@ class Scored:
 
 @dataclass(frozen=True, kw_only=True)
 class FarOff:
-    """Of an effect that is far off: how far declared parameters are off without it, by name, SI; what fits as well.
-
-    rivals: the effect and those that a nonlinear fit does not tell from it, with their weights, best first.
-    """
+    """Of a far-off effect: offsets, SI, of declared parameters without it; rivals: those that a nonlinear fit does not
+    tell from it, itself among them, by weight; absorbed: the fit without it, where parameters take up all of it."""
 
     offsets: Mapping[str, float]
     rivals: tuple[tuple[Hypothesis, float], ...]
+    absorbed: Fit | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -248,7 +248,7 @@ class DiagnosisReport(VisibilityReport):
     def _reservation(self, finding: Finding) -> str:
         """How far off an effect is, or why it is provisional."""
         if finding.run_away is not None:
-            return f" Its size is far beyond the plausible range.{self.run_away(finding.run_away)}"
+            return f" Its size is far beyond the plausible range.{self.run_away(finding)}"
         if finding.beyond:
             return " Provisional: its size is beyond the plausible range; the true cause may be another."
         if not finding.held_out.confirmed:

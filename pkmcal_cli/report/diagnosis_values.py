@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cached_property, partial
 
 import numpy as np
@@ -128,9 +127,15 @@ class DiagnosisValues:
         ratio[[parameters.index(n) for n in finding.hypothesis.free]] = np.nan
         return int(np.nanargmax(ratio)) if np.isfinite(ratio).any() else 0
 
-    def run_away(self, offsets: Mapping[str, float]) -> str:
-        """What a calibration makes of declared parameters that take up what is far off: offsets by name, SI."""
+    def run_away(self, finding: Finding) -> str:
+        """What a calibration makes of declared parameters that take up what is far off."""
+        offsets = finding.run_away
         if not offsets:
             return ""
         texts = [f"{name} {'+' if off > 0 else ''}{handy(off, self.unit(name))}" for name, off in offsets.items()]
-        return f" Without it, parameters come out far off nominal: {listed(texts, 6)}."
+        if not finding.absorbed:
+            return f" Without it, parameters come out far off nominal: {listed(texts, 6)}."
+        return (
+            f" Without it, parameters come out far off nominal and explain the table as well: {listed(texts, 6)}. Only "
+            "their ranges speak for the effect: check both."
+        )
