@@ -25,7 +25,7 @@ from pkmcal_cli.calibration.residual import evaluate, lost_rows
 from pkmcal_cli.diagnosis.confirm import held_out_gain
 from pkmcal_cli.diagnosis.first_fit import OUT
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
-from pkmcal_cli.diagnosis.linear import linear_problem
+from pkmcal_cli.diagnosis.linear import Linear, linear_problem
 from pkmcal_cli.diagnosis.score import UNUSUAL
 from pkmcal_cli.diagnosis.scoring import FarOff, Search
 
@@ -170,17 +170,30 @@ def _starts(search: Search, candidates: Sequence[Hypothesis], gross: bool) -> di
 
     gross: errors are left that are large beside the machine: there a sign reversed too, if it predicts anything.
     """
-    names, nominal = [n for h in candidates for n in h.parameters], search.start
-    linear = linear_problem(search.problem, nominal, (), list(dict.fromkeys(names)), None)
-    out = {}
+    nominal, out = search.start, {}
+    linear, left = _left_at_nominal(search, [n for h in candidates for n in h.parameters])
     for h in candidates:
         columns = linear.of(h.parameters) / linear.scale_of(h.parameters)
         index = [search.problem.model.names.index(n) for n in h.parameters]
         near, reversed_ = nominal.copy(), nominal.copy()
-        near[index] = np.linalg.lstsq(columns, linear.residual, rcond=1e-9)[0]
+        near[index] = np.linalg.lstsq(columns, left, rcond=1e-9)[0]
         reversed_[index] = _REVERSED
         out[h] = [near, reversed_] if gross and h.effect == "scale" and _predicts(search, reversed_) else [near]
     return out
+
+
+def _left_at_nominal(search: Search, names: Sequence[str]) -> tuple[Linear, Array]:
+    """Columns of parameters, and what the nominal machine leaves (n,), whitened.
+
+    Where the calibration fits, linear from there: the nominal machine may be so far off that it predicts nothing.
+    """
+    others = dict.fromkeys(names)
+    if not _absorbed(search):
+        linear = linear_problem(search.problem, search.start, (), list(others), None)
+        return linear, linear.residual
+    declared, off, _ = _off_nominal(search, search.fit)
+    linear = linear_problem(search.problem, search.fit.values, (), [*others, *declared], None)
+    return linear, linear.residual + linear.of(declared) @ (off / linear.scale_of(declared))
 
 
 def _predicts(search: Search, values: Array) -> bool:
