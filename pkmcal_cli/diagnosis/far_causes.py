@@ -245,13 +245,13 @@ def _with(search: Search, hypothesis: Hypothesis, fit: Fit, far_off: FarOff) -> 
 
 
 def _is_far(search: Search, hypothesis: Hypothesis, fit: Fit) -> bool:
-    """Whether a cause is far off, explains most of what was left, and brings declared parameters back."""
+    """Whether a cause explains most of what was left, brings declared parameters back, and it or they are far off."""
     model = search.problem.model
     index = [model.names.index(n) for n in hypothesis.unknown]
     size = float((np.abs(fit.values[index] - model.nominal[index]) / model.ranges[index]).max(initial=0.0))
     before = _furthest(search, search.fit)
     return (
-        size > UNUSUAL
+        (size > UNUSUAL or before > _NOWHERE)
         and _misfit(search, fit) < (1 - _EXPLAINED) * _misfit(search, search.fit)
         and (before <= OUT or _furthest(search, fit) < max(_BACK * before, OUT))
         and len(fit.failed) <= len(search.fit.failed)

@@ -30,6 +30,7 @@ _SEPARATED = 4  # effects at most that one measurement is planned for
 _MAPPED = 0.05  # share of the variance that a map must explain to be told of
 _CLEAR, OVERWHELMING = 3.0, 10.0  # log Bayes factors
 _LIKE_NOISE = "no effect found; sigma is too small, or the missing effect looks like noise"
+_FAR = " Its size is far beyond the plausible range."
 _BEYOND = "an effect explains the residuals, but its size is implausible; the true cause may be another"
 _SMALLEST = 1e-12  # p value that is told as a number
 _LARGER = 1.5  # times the stated noise: from which on residuals are called larger
@@ -122,7 +123,7 @@ class DiagnosisReport(VisibilityReport):
 
     def _far_off(self) -> str:
         """Which effects are far larger than what is usual."""
-        far = [f.hypothesis.name for f in self.diagnosis.findings if f.run_away is not None]
+        far = [f.hypothesis.name for f in self.diagnosis.findings if self.far(f)]
         return f"; far beyond the plausible range: {listed(far, 3)}" if far else ""
 
     def _provisional(self) -> str:
@@ -248,7 +249,7 @@ class DiagnosisReport(VisibilityReport):
     def _reservation(self, finding: Finding) -> str:
         """How far off an effect is, or why it is provisional."""
         if finding.run_away is not None:
-            return f" Its size is far beyond the plausible range.{self.run_away(finding)}"
+            return f"{_FAR if self.far(finding) else ''}{self.run_away(finding)}"
         if finding.beyond:
             return " Provisional: its size is beyond the plausible range; the true cause may be another."
         if not finding.held_out.confirmed:

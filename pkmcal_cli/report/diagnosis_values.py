@@ -10,6 +10,7 @@ from pkmcal_cli.diagnosis.confirm import shown_channels
 from pkmcal_cli.diagnosis.findings import Finding
 from pkmcal_cli.diagnosis.panels import FieldMap, field_map
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
+from pkmcal_cli.diagnosis.score import UNUSUAL
 from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.loading.poses import origin_of
@@ -126,6 +127,14 @@ class DiagnosisValues:
         ratio = np.abs(np.array(finding.estimate) - nominal) / np.array(finding.std)
         ratio[[parameters.index(n) for n in finding.hypothesis.free]] = np.nan
         return int(np.nanargmax(ratio)) if np.isfinite(ratio).any() else 0
+
+    def far(self, finding: Finding) -> bool:
+        """Whether what was found as far off has a size beyond what is plausible."""
+        if finding.run_away is None:
+            return False
+        index = [self.model.names.index(n) for n in finding.hypothesis.parameters]
+        off = np.abs(np.array(finding.estimate) - self.model.nominal[index])
+        return bool((off > UNUSUAL * self.model.ranges[index]).any())
 
     def run_away(self, finding: Finding) -> str:
         """What a calibration makes of declared parameters that take up what is far off."""
