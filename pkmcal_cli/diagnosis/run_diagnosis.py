@@ -66,6 +66,7 @@ class Diagnosis:
     p_global: float
     seed: int
     weighed: RobustFit | None = None  # by which values were weighed
+    mistakes: tuple[str, ...] = ()  # of the table, which was put right before
 
     @cached_property
     def detectable(self) -> tuple[VisibleSizes, ...]:

@@ -183,7 +183,8 @@ def _rings(table: _Table, matches: dict[int, _Match]) -> list[Hint]:
         look = "look shifted by one column" if by_one else "look exchanged in a cycle"
         message = f"{table.quoted(order)} {look} ({', '.join(parts)})"
         message += f": {evidence(table.units[first], before, after)} after correction"
-        hints.append(Hint("rotated", tuple(table.names[i] for i in order), message, before, after))
+        names = tuple(table.names[i] for i in order)
+        hints.append(Hint("rotated", names, message, before, after, columns=_right(table, matches, order)))
     return hints
 
 
@@ -207,7 +208,8 @@ def _exchanges(table: _Table, matches: dict[int, _Match]) -> list[Hint]:
             before, after = float(np.hypot(match.before, back.before)), float(np.hypot(match.after, back.after))
             words = evidence(unit, before, after)
             message = f"`{name}` and `{table.names[j]}` look swapped{turned}: {words} when swapped back"
-            hints.append(Hint("swapped", (name, table.names[j]), message, before, after))
+            names = name, table.names[j]
+            hints.append(Hint("swapped", names, message, before, after, columns=_right(table, matches, (i, j))))
             continue
         sign, words = "-" if match.factor < 0 else "", evidence(unit, match.before, match.after)
         message = f"column `{table.names[j]}` looks like {sign}`{name}`: {words} when it is read as that"
@@ -233,8 +235,15 @@ def _rescaled(table: _Table, matches: dict[int, _Match]) -> list[Hint]:
         else:
             size = f"{times(abs(factor))}{unit_words(unit, abs(factor))}{' and reversed in sign' if factor < 0 else ''}"
             message = f"{look} {size}: {words} when multiplied by {factor:.4g}"
-        hints.append(Hint(kind, tuple(table.names[i] for i in columns), message, before, after))
+        names = tuple(table.names[i] for i in columns)
+        hints.append(Hint(kind, names, message, before, after, columns=_right(table, matches, columns)))
     return hints
+
+
+def _right(table: _Table, matches: dict[int, _Match], columns: Iterable[int]) -> tuple[tuple[str, str, float], ...]:
+    """Columns as they are right: each by the one that it is taken from, and a factor."""
+    pairs = ((i, matches[i]) for i in columns)
+    return tuple((table.names[i], table.names[match.source], match.factor) for i, match in pairs)
 
 
 def _offset(table: _Table, i: int) -> Hint | None:

@@ -129,7 +129,9 @@ def _hint(problem: Problem, change: _Change, before: float, after: float) -> Hin
         )
     was = f"{100 * before:.3g} % before" if np.isfinite(before) else "most rows out of reach before"
     message += f": after correction, {100 * after:.2g} % of the variation of the readings is unexplained ({was})"
-    return Hint(change.kind, names, message, before, after)
+    sources = [(a, int(change.source[a])) for a in change.columns]
+    right = tuple((actuators[a].name, actuators[s].name, float(change.factor[a])) for a, s in sources)
+    return Hint(change.kind, names, message, before, after, columns=right)
 
 
 def _look(change: _Change, count: int, unit: Unit) -> str:

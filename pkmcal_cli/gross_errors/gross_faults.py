@@ -112,7 +112,8 @@ class _Table:
 def _in_part(table: _Table, rows: IntArray, words: str) -> list[Hint]:
     """Suspicions by some rows (n,) alone, which `words` tell."""
     suspicions = _suspected(table.take(rows))
-    return [replace(h, message=words + h.message, rows=tuple(int(rows[k]) for k in h.rows)) for h in suspicions]
+    numbers = [tuple(int(rows[k]) for k in h.rows) for h in suspicions]
+    return [replace(h, message=words + h.message, rows=r, columns=()) for h, r in zip(suspicions, numbers, strict=True)]
 
 
 def _from_a_row(table: _Table) -> tuple[Hint, ...]:
@@ -181,7 +182,8 @@ def _chosen(reasons: list[_Reason]) -> tuple[Hint, ...]:
     first, *others = sorted((r.hints for r in good if len(r.hints) == fewest), key=lambda h: h[0].kind != "rotated")
     explained = {(h.kind, h.names) for h in first}
     others = [o for o in others if not explained & {(h.kind, h.names) for h in o}]
-    return (*first, *(replace(h, message=f"alternatively, {h.message}") for o in others for h in o))
+    alternatives = [replace(h, message=f"alternatively, {h.message}", columns=()) for o in others for h in o]
+    return (*first, *alternatives)
 
 
 def _channels(sample: Sample, rotated: bool) -> _Reason:

@@ -14,7 +14,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.gross_errors.far_rows import far_rows
 from pkmcal_cli.gross_errors.gross_faults import gross_faults
-from pkmcal_cli.gross_errors.plausibility import find_limit_faults
+from pkmcal_cli.gross_errors.plausibility import Hint, find_limit_faults
 from pkmcal_cli.gross_errors.sample import Sample
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.loading.poses import RowOrigin, origin_of
@@ -66,7 +66,19 @@ def measurement_hints(
     states: WarmStart | None = None,
     sample: Sample | None = None,
 ) -> tuple[str, ...]:
-    """Messages with evidence; predictions at the starting values, where `states` are those of the rows.
+    """The messages of `suspicions`."""
+    return tuple(h.message for h in suspicions(loaded, problem, values, measured, states, sample))
+
+
+def suspicions(
+    loaded: LoadedMachine,
+    problem: Problem,
+    values: Array,
+    measured: Measurements,
+    states: WarmStart | None = None,
+    sample: Sample | None = None,
+) -> tuple[Hint, ...]:
+    """Gross mistakes, with evidence; predictions at the starting values, where `states` are those of the rows.
 
     `measured`: the table, for the places of rows; sample: `sample_at` these values, where it is known.
     """
@@ -75,7 +87,7 @@ def measurement_hints(
     limits = np.array([a.limits for a in model.actuators]).reshape(-1, 2)
     hints = find_limit_faults(problem.rows.readings, limits, names, units)
     sessions = np.asarray(measured.session)
-    hints += gross_faults(
+    return hints + gross_faults(
         problem,
         values,
         _to_fit(loaded, problem),
@@ -85,7 +97,6 @@ def measurement_hints(
         states=states,
         sample=sample,
     )
-    return tuple(h.message for h in hints)
 
 
 def sample_at(loaded: LoadedMachine, problem: Problem, values: Array, states: WarmStart | None = None) -> Sample:

@@ -91,7 +91,12 @@ class _Change:
             kind, look = "unit", f"look{'s' if len(words) == 1 else ''}"
             message = f"{', '.join(words)} {look} {times(self.factor)}{unit_words(unit, self.factor)}: "
             message += f"{proof} when multiplied by {self.factor:.4g}"
-        return Hint(kind, tuple(names[k] for k in columns), message, before, after)
+        right = [(k, k, self.factor) for k in self.columns]
+        if self.others:
+            both = list(zip(self.columns, self.others, strict=True))
+            right = [*((i, j, 1.0) for i, j in both), *((j, i, 1.0) for i, j in both)]
+        by_name = tuple((names[i], names[j], factor) for i, j, factor in right)
+        return Hint(kind, tuple(names[k] for k in columns), message, before, after, columns=by_name)
 
 
 def _changes(points: Points, unit: Unit) -> Iterator[_Change]:

@@ -34,7 +34,8 @@ class Hint:
     """A suspicion: what it is, the columns, the words, and the evidence.
 
     before, after: rms of measured minus predicted (SI) as it stands and if the hint is followed (limits: rows
-    outside); rows: those concerned, for limits
+    outside); rows: those concerned, for limits; columns: what puts the table right, each column by the one that it is
+    taken from and a factor, empty where no change of columns does
     """
 
     kind: Kind
@@ -43,6 +44,7 @@ class Hint:
     before: float
     after: float
     rows: tuple[int, ...] = ()
+    columns: tuple[tuple[str, str, float], ...] = ()
 
 
 def find_limit_faults(

@@ -100,10 +100,17 @@ class DiagnosisReport(VisibilityReport):
         }
         scale = f"{ratio:.3g} times {'larger than ' if ratio >= _LARGER else ''}the stated noise"
         return (
-            f"diagnosis: {self._provisional()}{words[diagnosis.verdict]}\n"
+            f"diagnosis: {self._provisional()}{words[diagnosis.verdict]}{self._mistakes()}\n"
             f"The residuals after calibration are {scale}: {rms_text} rms "
             f"(sigma {sigma_text}{self._doubt_of_sigma()}, {self._chance()})."
         )
+
+    def _mistakes(self) -> str:
+        """Columns of the table that were put right."""
+        texts = [text.partition(":")[0] for text in self.diagnosis.mistakes]
+        if not texts:
+            return ""
+        return f"{': ' if self.diagnosis.verdict == 'measurement_fault' else '; besides, '}{listed(texts, 3)}"
 
     def _chance(self) -> str:
         """The p value on which the verdict rests: of the sum of squares, or of an effect's shape where that is less.

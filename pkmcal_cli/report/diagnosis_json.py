@@ -26,6 +26,7 @@ class DiagnosisJson(DiagnosisValues):
         diagnosis = self.diagnosis
         return {
             "verdict": diagnosis.verdict,
+            "mistakes": list(diagnosis.mistakes),
             "sigma": "estimated" if diagnosis.scale.variance != 1.0 else "stated",
             "sigma_factor": float(np.sqrt(diagnosis.scale.variance)),
             "noise_correlation": diagnosis.correlation,

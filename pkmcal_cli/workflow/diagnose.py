@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -124,6 +124,10 @@ def diagnosed(case: Case, alpha: float, seed: int, to: Listener) -> Diagnosis:
     candidates, problem, selected = case.candidates, case.problem, case.selected
     try:
         with to.stages() as observe:
-            return diagnose(candidates, problem, selected, alpha, seed, loss=case.loss, observe=observe)
+            diagnosis = diagnose(candidates, problem, selected, alpha, seed, loss=case.loss, observe=observe)
     except RowsFailed as failure:
         raise unsolved(case.measured, failure.evaluation.prediction) from None
+    if not case.mistakes:
+        return diagnosis
+    verdict = diagnosis.verdict if diagnosis.findings or diagnosis.unknown else "measurement_fault"
+    return replace(diagnosis, verdict=verdict, mistakes=tuple(h.message for h in case.mistakes if h.columns))

@@ -21,7 +21,8 @@ from pkmcal_cli.calibration.unexplained import unexplained
 from pkmcal_cli.diagnosis.closed_loop import FAILURES, Improvement, improve
 from pkmcal_cli.diagnosis.hypotheses import Candidates
 from pkmcal_cli.diagnosis.rotations import FEWEST_TO_SPLIT
-from pkmcal_cli.gross_errors.hints import nothing_measured
+from pkmcal_cli.gross_errors.hints import nothing_measured, suspicions
+from pkmcal_cli.gross_errors.put_right import put_right
 from pkmcal_cli.loading.load_machine import LoadedMachine, load_measurements
 from pkmcal_cli.loading.poses import origin_of
 from pkmcal_cli.report.console import Reporter, emit_json, enveloped
@@ -256,7 +257,10 @@ def _apart(case: Case, file: str) -> Measurements:
     measured = load_measurements(case.loaded, [file])
     if set(measured.sha256) & set(case.measured.sha256):
         raise UsageError("--validation: these rows are already used for fitting", hint="give held-out rows")
-    return measured
+    if not case.mistakes:
+        return measured
+    problem = problem_of(case.candidates.model, measured)  # the same may be wrong there, or not
+    return put_right(measured, suspicions(case.loaded, problem, case.begin, measured)) or measured
 
 
 def _validation(case: Case, measured: Measurements) -> Problem:

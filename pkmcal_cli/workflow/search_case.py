@@ -18,7 +18,9 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.robust import Loss
 from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.diagnosis.hypotheses import Candidates, candidates
-from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured
+from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, nothing_measured, suspicions
+from pkmcal_cli.gross_errors.plausibility import Hint
+from pkmcal_cli.gross_errors.put_right import put_right
 from pkmcal_cli.loading.covariates import derived_directions
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_measurements, load_parameters
 from pkmcal_cli.loading.poses import origin_of
@@ -28,6 +30,7 @@ from pkmcal_cli.workflow.determined import determined
 from pkmcal_cli.workflow.moved_frames import moved_warnings
 
 FEWEST_ROWS = 8  # with fewer, no effect is told from noise
+RIGHT = "searched with these columns put right; correct the table, or the machine file"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,6 +68,7 @@ class Case:
     start: Start  # values that fits begin with, and where they come from
     loss: Loss
     hints: tuple[str, ...] = ()  # at gross mistakes
+    mistakes: tuple[Hint, ...] = ()  # those of which the table has been put right
 
     @property
     def inputs(self) -> dict[str, str]:
@@ -90,7 +94,21 @@ def prepare(
     one_stdin(request.machine, *request.measurements, request.parameters)
     loaded = load_machine(request.machine, receptive=True) if machine is None else machine
     selection(loaded.model, request.select)
-    measured = load_measurements(loaded, request.measurements)
+    case = _case(request, loaded, load_measurements(loaded, request.measurements), loss, fewest)
+    mistakes = _hints(case, to)
+    right = put_right(case.measured, mistakes)
+    if right is not None:
+        to.notes([RIGHT])
+        case = replace(_case(request, loaded, right, loss, fewest), mistakes=mistakes)
+    case = replace(case, hints=tuple(h.message for h in mistakes))
+    asked = determined(loaded.model.name, case.problem, case.begin, case.selected)
+    for line in asked.notes:
+        to.say(line)
+    return replace(case, problem=asked.of(case.problem), selected=asked.selected)
+
+
+def _case(request: CaseRequest, loaded: LoadedMachine, measured: Measurements, loss: Loss, fewest: int) -> Case:
+    """A table and all that may be missing. Raises PkmcalError."""
     model = loaded.model.for_sessions(measured.sessions)
     selected = selection(model, request.select)
     candidates_ = candidates(model, select(model, request.select), measured)
@@ -106,23 +124,13 @@ def prepare(
     _enough(problem, measured, selected, fewest)
     if absurd := absurd_rows(problem, lambda row: origin_of(measured, row)):
         raise BadInput(absurd)
-    case = Case(
-        loaded=loaded,
-        measured=measured,
-        candidates=candidates_,
-        problem=problem,
-        selected=selected,
-        start=start,
+    return Case(
+        loaded=loaded, measured=measured, candidates=candidates_, problem=problem, selected=selected, start=start,
         loss=loss,
-    )
-    case = replace(case, hints=_hints(case, to))
-    asked = determined(model.name, problem, case.begin, selected)
-    for line in asked.notes:
-        to.say(line)
-    return replace(case, problem=asked.of(problem), selected=asked.selected)
+    )  # fmt: skip
 
 
-def _hints(case: Case, to: Listener) -> tuple[str, ...]:
+def _hints(case: Case, to: Listener) -> tuple[Hint, ...]:
     """What is to be said of the files before all else; the hints at gross mistakes among it."""
     measured, problem = case.measured, case.problem
     to.notes(measured.notes)
@@ -132,9 +140,9 @@ def _hints(case: Case, to: Listener) -> tuple[str, ...]:
         to.warn(finding)
     for text in case.start.warnings:
         to.warn(text)
-    hints = measurement_hints(case.loaded, problem, case.begin, measured)
-    for hint in (*hints, *copied_rows(problem, measured)):
-        to.warn(f"warning: {hint}")
+    hints = suspicions(case.loaded, problem, case.begin, measured)
+    for text in (*(h.message for h in hints), *copied_rows(problem, measured)):
+        to.warn(f"warning: {text}")
     if derived := derived_directions(measured, [a.name for a in case.loaded.model.actuators]):
         to.notes([f"direction of {', '.join(derived)}: taken from the order of the rows"])
     return hints

@@ -1,0 +1,34 @@
+"""A table with columns put right that are exchanged, turned in sign, or in a wrong unit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from pkmcal_cli.gross_errors.plausibility import Hint
+from pkmcal_cli.tables.measurement_set import Measurements
+
+_ARRAYS = (("actuators", "actuator_sigma", "actuator_names"), ("readings", "sigma", "channels"))
+"""Arrays whose columns are drives or channels, their standard uncertainties, and the names of the columns."""
+
+
+def put_right(measured: Measurements, hints: Sequence[Hint]) -> Measurements | None:
+    """The table as hints say that it should be; None where none says so."""
+    columns = [change for hint in hints for change in hint.columns]
+    if not columns:
+        return None
+    changed: dict[str, Any] = {}
+    for values, sigmas, named in _ARRAYS:
+        names = getattr(measured, named)
+        index = [(names.index(to), names.index(source), f) for to, source, f in columns if {to, source} <= set(names)]
+        if not index:
+            continue
+        to, source, factor = (np.array(part) for part in zip(*index, strict=True))
+        for name, scale in ((values, factor), (sigmas, np.abs(factor))):
+            array = getattr(measured, name)
+            changed[name] = np.array(array)
+            changed[name][:, to] = array[:, source] * scale
+    return replace(measured, **changed)
