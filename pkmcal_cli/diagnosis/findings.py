@@ -158,7 +158,7 @@ def _far_finding(search: Search, hypothesis: Hypothesis, basis: _Basis) -> Findi
         stable=Stability(float("nan")),
         nonlinear=float("nan"),
         beyond=False,
-        provisional=basis.doubt or not gain.confirmed,
+        provisional=basis.doubt or far_off.absorbed is not None or not gain.confirmed,
         selected=None,
         run_away=far_off.offsets,
         absorbed=far_off.absorbed is not None,

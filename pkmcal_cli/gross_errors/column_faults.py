@@ -19,6 +19,7 @@ from pkmcal_cli.gross_errors.plausibility import (
     GROSS,
     FloatArray,
     Hint,
+    Right,
     evidence,
     factors_of,
     rms,
@@ -124,9 +125,14 @@ def explain_columns(
             corrected[:, j] = measured[:, i]  # the other column stays, and cannot tell by itself that they are swapped
     hints = [*_rings(table, matches), *_exchanges(table, matches), *_rescaled(table, matches)]
     for i in range(len(names)):
-        if not steady and i not in matches and (hint := _offset(table, i)):
+        if steady or i in matches:
+            continue
+        if hint := _offset(table, i):
             hints.append(hint)
             corrected[:, i] -= np.nanmean(measured[:, i] - predicted[:, i])
+        elif hint := _mirrored(table, i):
+            hints.append(hint)
+            corrected[:, i] = hint.columns[0].shift - measured[:, i]
     return Explanation(tuple(hints), corrected)
 
 
@@ -240,10 +246,25 @@ def _rescaled(table: _Table, matches: dict[int, _Match]) -> list[Hint]:
     return hints
 
 
-def _right(table: _Table, matches: dict[int, _Match], columns: Iterable[int]) -> tuple[tuple[str, str, float], ...]:
-    """Columns as they are right: each by the one that it is taken from, and a factor."""
+def _right(table: _Table, matches: dict[int, _Match], columns: Iterable[int]) -> tuple[Right, ...]:
+    """Columns as they are right."""
     pairs = ((i, matches[i]) for i in columns)
-    return tuple((table.names[i], table.names[match.source], match.factor) for i, match in pairs)
+    return tuple(Right(table.names[i], table.names[match.source], match.factor) for i, match in pairs)
+
+
+def _mirrored(table: _Table, i: int) -> Hint | None:
+    """A column that runs the other way, from another origin."""
+    measured, predicted, name = table.measured[:, i], table.predicted[:, i], table.names[i]
+    total = (measured + predicted)[np.isfinite(measured + predicted)]
+    if total.size < FEW or not table.gross[i]:
+        return None
+    centre, scatter = float(total.mean()), float(total.std())
+    if scatter > BETTER * min(spread((measured - predicted)[:, None])[0], table.size(i)):
+        return None
+    unit, before = table.units[i], float(table.before[i])
+    words = f"{evidence(unit, before, scatter)} as {unit.format(centre, 6)} - `{name}`"
+    message = f"`{name}` looks reversed in sign, from another origin: {words}"
+    return Hint("sign", (name,), message, before, scatter, columns=(Right(name, name, -1.0, centre),))
 
 
 def _offset(table: _Table, i: int) -> Hint | None:

@@ -14,7 +14,17 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.gross_errors.plausibility import BETTER, EXPLAINED, Hint, Kind, factors_of, misfit, times, unit_words
+from pkmcal_cli.gross_errors.plausibility import (
+    BETTER,
+    EXPLAINED,
+    Hint,
+    Kind,
+    Right,
+    factors_of,
+    misfit,
+    times,
+    unit_words,
+)
 from pkmcal_cli.prediction import Request, frozen, joined_rows, predict
 from pkmcal_cli.units.measurands import Measurand
 from pkmcal_cli.units.unit_text import Unit, parse_unit
@@ -130,7 +140,7 @@ def _hint(problem: Problem, change: _Change, before: float, after: float) -> Hin
     was = f"{100 * before:.3g} % before" if np.isfinite(before) else "most rows out of reach before"
     message += f": after correction, {100 * after:.2g} % of the variation of the readings is unexplained ({was})"
     sources = [(a, int(change.source[a])) for a in change.columns]
-    right = tuple((actuators[a].name, actuators[s].name, float(change.factor[a])) for a, s in sources)
+    right = tuple(Right(actuators[a].name, actuators[s].name, float(change.factor[a])) for a, s in sources)
     return Hint(change.kind, names, message, before, after, columns=right)
 
 

@@ -18,6 +18,7 @@ from pkmcal_cli.gross_errors.plausibility import (
     FloatArray,
     Hint,
     Kind,
+    Right,
     evidence,
     factors_of,
     times,
@@ -95,7 +96,7 @@ class _Change:
         if self.others:
             both = list(zip(self.columns, self.others, strict=True))
             right = [*((i, j, 1.0) for i, j in both), *((j, i, 1.0) for i, j in both)]
-        by_name = tuple((names[i], names[j], factor) for i, j, factor in right)
+        by_name = tuple(Right(names[i], names[j], factor) for i, j, factor in right)
         return Hint(kind, tuple(names[k] for k in columns), message, before, after, columns=by_name)
 
 

@@ -30,12 +30,22 @@ GROSS = 5.0  # times what errors of parameters and noise cause: a residual that 
 
 
 @dataclass(frozen=True)
+class Right:
+    """A column as it is right: times a factor that which `source` holds, then shifted, SI."""
+
+    name: str
+    source: str
+    factor: float
+    shift: float = 0.0
+
+
+@dataclass(frozen=True)
 class Hint:
     """A suspicion: what it is, the columns, the words, and the evidence.
 
     before, after: rms of measured minus predicted (SI) as it stands and if the hint is followed (limits: rows
-    outside); rows: those concerned, for limits; columns: what puts the table right, each column by the one that it is
-    taken from and a factor, empty where no change of columns does
+    outside); rows: those concerned, for limits; columns: what puts the table right, empty where no change of columns
+    does
     """
 
     kind: Kind
@@ -44,7 +54,7 @@ class Hint:
     before: float
     after: float
     rows: tuple[int, ...] = ()
-    columns: tuple[tuple[str, str, float], ...] = ()
+    columns: tuple[Right, ...] = ()
 
 
 def find_limit_faults(

@@ -23,12 +23,13 @@ def put_right(measured: Measurements, hints: Sequence[Hint]) -> Measurements | N
     changed: dict[str, Any] = {}
     for values, sigmas, named in _ARRAYS:
         names = getattr(measured, named)
-        index = [(names.index(to), names.index(source), f) for to, source, f in columns if {to, source} <= set(names)]
-        if not index:
+        here = [c for c in columns if c.name in names and c.source in names]
+        if not here:
             continue
-        to, source, factor = (np.array(part) for part in zip(*index, strict=True))
-        for name, scale in ((values, factor), (sigmas, np.abs(factor))):
+        to, source = ([names.index(n) for n in each] for each in zip(*((c.name, c.source) for c in here), strict=True))
+        factor, shift = np.array([c.factor for c in here]), np.array([c.shift for c in here])
+        for name, scale, more in ((values, factor, shift), (sigmas, np.abs(factor), 0.0)):
             array = getattr(measured, name)
             changed[name] = np.array(array)
-            changed[name][:, to] = array[:, source] * scale
+            changed[name][:, to] = array[:, source] * scale + more
     return replace(measured, **changed)

@@ -21,8 +21,7 @@ from pkmcal_cli.calibration.unexplained import unexplained
 from pkmcal_cli.diagnosis.closed_loop import FAILURES, Improvement, improve
 from pkmcal_cli.diagnosis.hypotheses import Candidates
 from pkmcal_cli.diagnosis.rotations import FEWEST_TO_SPLIT
-from pkmcal_cli.gross_errors.hints import nothing_measured, suspicions
-from pkmcal_cli.gross_errors.put_right import put_right
+from pkmcal_cli.gross_errors.hints import nothing_measured
 from pkmcal_cli.loading.load_machine import LoadedMachine, load_measurements
 from pkmcal_cli.loading.poses import origin_of
 from pkmcal_cli.report.console import Reporter, emit_json, enveloped
@@ -37,7 +36,7 @@ from pkmcal_cli.workflow.gates import Gate, check_gates, gates, measured_kinds, 
 from pkmcal_cli.workflow.improvement_run import fingerprint_of_improved, improvement_run
 from pkmcal_cli.workflow.result_figures import Result
 from pkmcal_cli.workflow.run_folder import check_run, keep_run
-from pkmcal_cli.workflow.search_case import FEWEST_ROWS, Case, CaseRequest, prepare
+from pkmcal_cli.workflow.search_case import FEWEST_ROWS, Case, CaseRequest, also_right, prepare
 from pkmcal_cli.workflow.unsolved_rows import unsolved
 
 FAILING = (*FAILURES, "implausible")
@@ -257,10 +256,7 @@ def _apart(case: Case, file: str) -> Measurements:
     measured = load_measurements(case.loaded, [file])
     if set(measured.sha256) & set(case.measured.sha256):
         raise UsageError("--validation: these rows are already used for fitting", hint="give held-out rows")
-    if not case.mistakes:
-        return measured
-    problem = problem_of(case.candidates.model, measured)  # the same may be wrong there, or not
-    return put_right(measured, suspicions(case.loaded, problem, case.begin, measured)) or measured
+    return also_right(case, measured)
 
 
 def _validation(case: Case, measured: Measurements) -> Problem:

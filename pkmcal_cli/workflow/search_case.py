@@ -130,6 +130,14 @@ def _case(request: CaseRequest, loaded: LoadedMachine, measured: Measurements, l
     )  # fmt: skip
 
 
+def also_right(case: Case, measured: Measurements) -> Measurements:
+    """Another table of a case whose table has been put right: the same may be wrong in it, or not."""
+    if not case.mistakes:
+        return measured
+    problem = problem_of(case.candidates.model, measured)
+    return put_right(measured, suspicions(case.loaded, problem, case.begin, measured)) or measured
+
+
 def _hints(case: Case, to: Listener) -> tuple[Hint, ...]:
     """What is to be said of the files before all else; the hints at gross mistakes among it."""
     measured, problem = case.measured, case.problem

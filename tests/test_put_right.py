@@ -1,0 +1,92 @@
+"""Tables whose columns are exchanged, reversed or in a wrong unit: put right, and named."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pkmcal_cli.gross_errors.plausibility import Hint, Right
+from pkmcal_cli.gross_errors.put_right import put_right
+from pkmcal_cli.loading.load_machine import load_machine, load_measurements
+from tests.campaign_tables import true_values, write_table
+from tests.command import MACHINES, Done, clean, run
+
+TRIGLIDE = str(MACHINES / "triglide.yaml")
+Table = dict[str, np.ndarray]
+
+
+def spoilt(file: Path, spoil: Callable[[Table], Table], rows: int = 40) -> str:
+    """The Triglide as the independent simulator measures it, with columns changed, in mm."""
+    lines = Path(write_table(file, "triglide", true_values("triglide", 3), 3, rows)).read_text().splitlines()
+    names = [header.split()[0] for header in lines[0].split(",")]
+    columns = dict(zip(names, np.array([line.split(",") for line in lines[1:]], dtype=float).T, strict=True))
+    columns = spoil(columns)
+    cells = np.stack([columns[n] for n in names], axis=1)
+    file.write_text("\n".join([lines[0], *(",".join(f"{v:.7f}" for v in row) for row in cells), ""]))
+    return str(file)
+
+
+MISTAKES: dict[str, tuple[Callable[[Table], Table], str]] = {
+    "swapped drives": (lambda t: t | {"q1": t["q2"], "q2": t["q1"]}, "`q1` and `q2` look swapped"),
+    "reversed drive": (lambda t: t | {"q3": -t["q3"]}, "`q3` looks reversed in sign"),
+    "swapped readings": (lambda t: t | {"x": t["y"], "y": t["x"]}, "`x` and `y` look swapped"),
+    "reversed reading": (lambda t: t | {"x": -t["x"]}, "`x` looks reversed in sign"),
+    "from the other end": (lambda t: t | {"y": 500 - t["y"]}, "`y` looks reversed in sign, from another origin"),
+    "inches": (lambda t: t | {"x": t["x"] / 25.4, "y": t["y"] / 25.4}, "`x` and `y` look 25.4 times too small"),
+}
+
+
+def diagnosed(table: str) -> Done:
+    return clean(run("diagnose", TRIGLIDE, table, "--json"))
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_is_the_verdict_and_the_rest_is_searched(mistake: str, tmp_path: Path) -> None:
+    """As the honest table is: the same residuals but for rounding, and nothing else is named."""
+    spoil, text = MISTAKES[mistake]
+    honest = diagnosed(spoilt(tmp_path / "honest.csv", lambda t: t)).json
+    done = diagnosed(spoilt(tmp_path / "spoilt.csv", spoil))
+    assert done.code == 1 and done.json["verdict"] == "measurement_fault" and done.json["effects"] == []
+    (told,) = done.json["mistakes"]
+    assert told.startswith(text) and f"diagnosis: the measurement is at fault: {text}" in done.err
+    assert done.json["chi2_per_dof_before"] == pytest.approx(honest["chi2_per_dof_before"], rel=0.01)
+    assert "searched with these columns put right; correct the table, or the machine file" in done.err
+    assert honest["mistakes"] == [] and honest["verdict"] == "clean"
+
+
+def test_an_effect_is_found_beside_a_mistake(tmp_path: Path) -> None:
+    """The scale of q1 is off by 2 per mille, too: named with its size, and the columns besides."""
+    swapped = MISTAKES["swapped drives"][0]
+    done = diagnosed(spoilt(tmp_path / "t.csv", lambda t: swapped(t | {"q1": t["q1"] / 1.002}), 80))
+    (effect,) = done.json["effects"]
+    assert (effect["effect"], effect["at"]) == ("scale", "q1") and len(done.json["mistakes"]) == 1
+    (size,) = effect["parameters"]
+    assert abs(size["value"] - 2000) < 4 * size["std"] < 800, "um/m"
+    assert "; besides, `q1` and `q2` look swapped" in done.err
+
+
+def test_improve_keeps_its_reservation(tmp_path: Path) -> None:
+    """Nothing is improved by a table that is wrong; the file says so."""
+    table = spoilt(tmp_path / "t.csv", MISTAKES["swapped drives"][0])
+    done = clean(run("improve", TRIGLIDE, table, "-o", tmp_path / "out.yaml", "--json"))
+    assert done.code == 1 and "implausible" in done.json["failures"]
+    assert done.json["implausible"][0].startswith("`q1` and `q2` look swapped")
+
+
+def test_columns_are_those_of_the_honest_table(tmp_path: Path) -> None:
+    """Values and their uncertainties; what hints do not say stays."""
+    machine = load_machine(TRIGLIDE)
+    honest = load_measurements(machine, [spoilt(tmp_path / "honest.csv", lambda t: t)])
+    wrong = load_measurements(
+        machine,
+        [spoilt(tmp_path / "w.csv", lambda t: t | {"q1": -t["q2"], "q2": t["q1"], "y": 100 - t["y"] / 1000})],
+    )
+    columns = (Right("q1", "q2", 1.0), Right("q2", "q1", -1.0), Right("y", "y", -1e3, 1e2))
+    right = put_right(wrong, [Hint("swapped", ("q1", "q2"), "", 1.0, 0.0, columns=columns)])
+    assert right is not None
+    np.testing.assert_allclose(right.actuators, honest.actuators, atol=1e-9)
+    np.testing.assert_allclose(right.readings, honest.readings, atol=1e-6)  # seven decimals of m were written
+    assert put_right(wrong, [Hint("offset", ("y",), "", 1.0, 0.0)]) is None
