@@ -263,7 +263,7 @@ def test_a_smooth_field_over_the_workspace_has_no_place_in_the_machine() -> None
     assert d.verdict == "unknown" and not d.shapes
 
 
-ONLY = ("--only", "backlash@q2,scale@q2,windup@all")
+ONLY = ("--only", "backlash@q2,scale@q2,windup@all,unexplained@q2")
 
 
 def test_improve_writes_what_calibrate_reads(tmp_path: Path) -> None:

@@ -73,7 +73,7 @@ class ShapeSite:
 
 def places(problem: Problem, values: Array, start: WarmStart | None) -> tuple[ShapeSite, ...]:
     """All places where a shape may be in a table; at parameter values (P,), SI."""
-    bare = list(_bare(problem))
+    bare = bare_shapes(problem)
     units = unit_columns(problem, values, start, bare)
     out = []
     for placed in bare:
@@ -86,8 +86,8 @@ def places(problem: Problem, values: Array, start: WarmStart | None) -> tuple[Sh
     return tuple(out)
 
 
-def _bare(problem: Problem) -> list[PlacedEffect]:
-    """A displacement at every drive and guide, over its travel, and at every drive over time."""
+def bare_shapes(problem: Problem) -> list[PlacedEffect]:
+    """A displacement at every drive and guide, over its travel, and at every drive over time; of any shape."""
     any_shape = FreeShape(knots=(0.0, 1.0, 2.0), spread=1.0, width=1.0)
     axes: list[tuple[Axis, str]] = [("travel", "")]
     if np.isfinite(problem.rows.columns.get("time", np.nan)).all():

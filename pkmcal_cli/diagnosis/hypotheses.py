@@ -137,7 +137,8 @@ class Candidates:
     """A model with all testable effects at null, the hypotheses, and effects that the table cannot show.
 
     `lacking`: the same by keyword and place, of every place, and what it needs. `start` (P,): values, SI, that fits
-    begin with and that held parameters have; None for nominal ones.
+    begin with and that held parameters have; None for nominal ones. `only`: names that alone are tested, those of
+    displacements without a name among them; None: all.
     """
 
     model: Model
@@ -145,6 +146,15 @@ class Candidates:
     not_testable: tuple[tuple[str, str], ...]  # (keyword, what it needs)
     lacking: tuple[tuple[str, str, str], ...] = ()
     start: Array | None = field(default=None, compare=False)
+    only: tuple[str, ...] | None = None
+
+    def limited_to(self, names: tuple[str, ...]) -> Candidates:
+        """The same, of which some alone are tested."""
+        return replace(self, only=names, hypotheses=tuple(h for h in self.hypotheses if h.name in names))
+
+    def tests(self, name: str) -> bool:
+        """Whether what is called so may be tested."""
+        return self.only is None or name in self.only
 
     def begin(self, accepted: Sequence[Hypothesis] = ()) -> Array:
         """Values (P,), SI, that a fit with effects begins with: the start, what is known of these, or far off."""

@@ -97,12 +97,13 @@ def with_all_in_one(search: Search, first: Scored) -> Search:
 
 
 def _fitted_shapes(search: Search, removed: Sequence[Hypothesis], linear: Linear, scale: Scale) -> list[FittedShape]:
-    """Shapes at places that have none, where no accepted effect is but removed ones; best first."""
+    """Shapes at places that are tested and have none, where no accepted effect is but removed ones; best first."""
     values, _ = nulled(search, removed)
     kinds = places(search.problem, values, search.fit.after.start)
     taken = {shape.placed.at for shape in search.shapes}
     accepted = [h for h in search.accepted if h not in removed]
-    free = [p for p in kinds if p.bare.at not in taken and not any(_of_site(p.bare, h) for h in accepted)]
+    tested = [p for p in kinds if p.bare.at not in taken and search.candidates.tests(p.bare.name)]
+    free = [p for p in tested if not any(_of_site(p.bare, h) for h in accepted)]
     return fitted_shapes(linear, scale, free)
 
 

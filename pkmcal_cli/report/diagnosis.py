@@ -22,7 +22,7 @@ from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.diagnosis_json import DiagnosisJson
 from pkmcal_cli.report.noise_text import growth_text
 from pkmcal_cli.report.number_format import handy, readable
-from pkmcal_cli.report.sentences import cause_effect_action, command, listed, unknown_sentence
+from pkmcal_cli.report.sentences import cause_effect_action, command, listed, tested_alone, unknown_sentence
 from pkmcal_cli.report.shape_text import ShapeText
 from pkmcal_cli.report.visibility import VisibilityReport
 
@@ -31,6 +31,7 @@ _MAPPED = 0.05  # share of the variance that a map must explain to be told of
 _CLEAR, OVERWHELMING = 3.0, 10.0  # log Bayes factors
 _LIKE_NOISE = "no effect found; sigma is too small, or the missing effect looks like noise"
 _FAR = " Its size is far beyond the plausible range."
+_NOT_AMONG = "no effect found among those tested; sigma is too small, or another effect is missing"
 _BEYOND = "an effect explains the residuals, but its size is implausible; the true cause may be another"
 _SMALLEST = 1e-12  # p value that is told as a number
 _LARGER = 1.5  # times the stated noise: from which on residuals are called larger
@@ -90,17 +91,17 @@ class DiagnosisReport(VisibilityReport):
         depends = ", ".join(dict.fromkeys(u.depends_on for u in diagnosis.unknown))
         words = {
             "clean": "the residuals agree with the stated noise",
-            "sigma_too_small": _LIKE_NOISE,
+            "sigma_too_small": _LIKE_NOISE if self.only is None else _NOT_AMONG,
             "found": _BEYOND
             if any(f.beyond for f in diagnosis.findings)
             else f"found {count(len(diagnosis.findings), 'effect')} that the model lacks{self._far_off()}",
             "ambiguous": "the model lacks an effect; several effects explain the residuals equally well",
-            "unknown": f"unknown; depends on {depends}, and matches no effect of the catalogue{self._nameless()}",
+            "unknown": f"unknown; depends on {depends}, and matches no effect {_of(self.only)}{self._nameless()}",
             "measurement_fault": "the measurement is at fault",
         }
         scale = f"{ratio:.3g} times {'larger than ' if ratio >= _LARGER else ''}the stated noise"
         return (
-            f"diagnosis: {self._provisional()}{words[diagnosis.verdict]}{self._mistakes()}\n"
+            f"diagnosis: {self._provisional()}{words[diagnosis.verdict]}{self._mistakes()}{tested_alone(self.only)}\n"
             f"The residuals after calibration are {scale}: {rms_text} rms "
             f"(sigma {sigma_text}{self._doubt_of_sigma()}, {self._chance()})."
         )
@@ -111,6 +112,11 @@ class DiagnosisReport(VisibilityReport):
         if not texts:
             return ""
         return f"{': ' if self.diagnosis.verdict == 'measurement_fault' else '; besides, '}{listed(texts, 3)}"
+
+    @property
+    def only(self) -> tuple[str, ...] | None:
+        """What alone was tested; None where all was."""
+        return self.diagnosis.search.candidates.only
 
     def _chance(self) -> str:
         """The p value on which the verdict rests: of the sum of squares, or of an effect's shape where that is less.
@@ -283,6 +289,10 @@ class DiagnosisReport(VisibilityReport):
         at = ", ".join(f"{c} {v / unit.scale:.4g} {unit.text}" for c, v in zip("xyz", field.at[field.largest]))
         share = max(100 * field.explained, 0.0)
         return f"Largest near {at}: {size}. A smooth map explains {share:.0f} % of its variance on held-out cells."
+
+
+def _of(only: Sequence[str] | None) -> str:
+    return "of the catalogue" if only is None else "that was tested"
 
 
 def _share(finding: Finding) -> str:

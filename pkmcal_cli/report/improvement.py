@@ -14,7 +14,7 @@ from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.figures import figure_unit, figures_json, kind_label
 from pkmcal_cli.report.improved_files import ImprovedFiles
 from pkmcal_cli.report.number_format import finite, readable, to_digits
-from pkmcal_cli.report.sentences import listed
+from pkmcal_cli.report.sentences import listed, tested_alone
 from pkmcal_cli.report.shape_text import ShapeText
 from pkmcal_cli.units.unit_text import Unit
 
@@ -44,6 +44,7 @@ class ImprovementReport(ImprovedFiles):
             "diagnosis": improvement.whole.verdict,
             "provisional": bool(improvement.whole.unknown) or any(f.provisional for f in improvement.whole.findings),
             "rotations": improvement.rotations,
+            "only": list(self.diagnosis.only or ()),
             "steps": [self._step_json(s) for s in improvement.steps],
             "before": figures_json(self.machine, improvement.before.report),
             "after": figures_json(self.machine, improvement.after.report),
@@ -178,17 +179,20 @@ class ImprovementReport(ImprovedFiles):
         if len(self.improvement.whole.search.accepted) >= MOST_EFFECTS:
             return f"limit of {MOST_EFFECTS} effects reached"
         alpha = f"{100 * self.improvement.alpha:g} %"
-        return f"no further effect is significant (false-alarm rate of the whole diagnosis: {alpha})"
+        only = tested_alone(self.diagnosis.only)
+        return f"no further effect is significant{only} (false-alarm rate of the whole diagnosis: {alpha})"
 
     def _summary(self) -> str:
         improvement = self.improvement
+        only = tested_alone(self.diagnosis.only)
         if improvement.whole.verdict in _NOTHING:
-            return f"nothing to improve: {_NOTHING[improvement.whole.verdict]}"
+            lead = "not improved" if only and improvement.whole.verdict != "clean" else "nothing to improve"
+            return f"{lead}: {_NOTHING[improvement.whole.verdict]}{only}"
         positions = "position " if "position" in improvement.before.report else ""
         interval = f"{positions}rms {rms_change(improvement.rms_gain, self.diagnosis.error_unit)}"
         if not improvement.confirmed:
             why = f"\n{interval}" if improvement.accepted else ""
-            return f"NOT IMPROVED: no effect is confirmed by rows used neither for fitting nor for selection{why}"
+            return f"NOT IMPROVED: no effect is confirmed by rows used neither for fitting nor for selection{only}{why}"
         names = ", ".join(h.name for h in improvement.accepted)
         depends = listed(list(dict.fromkeys(u.depends_on for u in improvement.whole.unknown)), 3)
         doubt = f"; provisional: an unknown effect that depends on {depends} may be the true cause" if depends else ""

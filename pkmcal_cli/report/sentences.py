@@ -69,6 +69,13 @@ def listed(names: Sequence[str], most: int) -> str:
     return ", ".join(names[:most]) + (f" and {unlisted} more" if unlisted > 0 else "")
 
 
+def tested_alone(names: Sequence[str] | None) -> str:
+    """That only some effects were tested, to be appended; "" where all were (None)."""
+    if names is None:
+        return ""
+    return f"; only {listed(names, 3)} {'was' if len(names) == 1 else 'were'} tested"
+
+
 def unknown_sentence(size: str, depends_on: str, hint: str, warm: bool) -> str:
     """Something that no effect explains; `warm`: temperatures were logged."""
     advice = {

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from pkmcal_cli.base.errors import BadInput, UsageError, did_you_mean
+from pkmcal_cli.base.errors import BadInput, UsageError
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.outputs import check_target, takes_directly, write_together
@@ -19,7 +19,6 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.range_check import range_check
 from pkmcal_cli.calibration.unexplained import unexplained
 from pkmcal_cli.diagnosis.closed_loop import FAILURES, Improvement, improve
-from pkmcal_cli.diagnosis.hypotheses import Candidates
 from pkmcal_cli.diagnosis.rotations import FEWEST_TO_SPLIT
 from pkmcal_cli.gross_errors.hints import nothing_measured
 from pkmcal_cli.loading.load_machine import LoadedMachine, load_measurements
@@ -34,6 +33,7 @@ from pkmcal_cli.workflow.arguments import one_stdin, present
 from pkmcal_cli.workflow.fail_on import failing
 from pkmcal_cli.workflow.gates import Gate, check_gates, gates, measured_kinds, missed_limits
 from pkmcal_cli.workflow.improvement_run import fingerprint_of_improved, improvement_run
+from pkmcal_cli.workflow.named_effects import named_only
 from pkmcal_cli.workflow.result_figures import Result
 from pkmcal_cli.workflow.run_folder import check_run, keep_run
 from pkmcal_cli.workflow.search_case import FEWEST_ROWS, Case, CaseRequest, also_right, prepare
@@ -140,7 +140,7 @@ def setting(
     fewest = FEWEST_TO_SPLIT if request.validation is None and request.only is None else FEWEST_ROWS
     case = prepare(request.case, to, fewest, machine)
     if request.only is not None:
-        case = replace(case, candidates=_named(case.candidates, request.only))
+        case = replace(case, candidates=named_only(case.candidates, case.problem, request.only))
     return case, None if request.validation is None else _apart(case, request.validation)
 
 
@@ -196,21 +196,6 @@ def _improved(case: Case, validation: Problem | None, request: ImproveRequest, t
             )
     except RowsFailed as failure:
         raise unsolved(case.measured, failure.evaluation.prediction) from None
-
-
-def _named(candidates: Candidates, names: str) -> Candidates:
-    """Those hypotheses that are named, separated by commas. Raises UsageError for others."""
-    known = {h.name: h for h in candidates.hypotheses}
-    requested = [part.strip() for part in names.split(",") if part.strip()]
-    lacking = dict(candidates.not_testable)
-    for name in requested:
-        if (why := lacking.get(name.partition("@")[0])) and name not in known:
-            raise UsageError(f"--only: this table cannot show `{name}`", hint=f"add what it needs: {why}")
-        if name not in known:
-            raise UsageError(f"--only: this machine has no effect `{name}`", hint=did_you_mean(name, known))
-    if not requested:
-        raise UsageError("--only names no effect", hint="write e.g. `--only zero@all,scale@upper`")
-    return replace(candidates, hypotheses=tuple(known[name] for name in dict.fromkeys(requested)))
 
 
 def _implausible(improvement: Improvement, hints: tuple[str, ...]) -> tuple[str, ...]:

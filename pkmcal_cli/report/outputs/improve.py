@@ -14,6 +14,7 @@ failures[] text: `missing`: something significant is left; `not_confirmed`: repo
 diagnosis text: verdict of the diagnosis of all rows
 provisional flag: whether something unknown remains, or one of the effects found is provisional, as in `diagnose`
 rotations integer: number of splits of the table; in each, one block serves only for reporting
+only[] text: effects that alone were tested (`--only`); empty if all were
 steps[].effect text: effects tried, as in `diagnose`
 steps[].at text:
 steps[].accepted flag:
