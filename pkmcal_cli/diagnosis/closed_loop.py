@@ -31,6 +31,7 @@ from pkmcal_cli.diagnosis.report_rows import Errors, Interval, OuterFold, errors
 from pkmcal_cli.diagnosis.rotations import begun_with, parts_of, rotations
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis, diagnose
 from pkmcal_cli.diagnosis.search_options import SearchOptions
+from pkmcal_cli.diagnosis.unknown import Unknown
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import frozen
 
@@ -87,6 +88,13 @@ class Improvement:
     def confirmed(self) -> bool:
         """Whether the error on the report rows falls, by the lower end of the interval."""
         return bool(self.accepted) and self.gain.low > 0
+
+    @property
+    def left(self) -> tuple[Unknown, ...]:
+        """What is unknown, but for displacements without a name that are in the fit."""
+        shapes = self.whole.shapes
+        modelled = [s.unknown for s in shapes if s.hypothesis in self.accepted]
+        return tuple(u for u in self.whole.unknown if u not in modelled)
 
     @property
     def failures(self) -> tuple[str, ...]:

@@ -51,6 +51,23 @@ class ShapeFinding:
         return np.sqrt(np.diag(self.shape.covariance))
 
     @property
+    def extremes(self) -> tuple[int, int]:
+        """Knots where it is highest and lowest."""
+        return int(np.argmax(self.curve)), int(np.argmin(self.curve))
+
+    @property
+    def height(self) -> tuple[float, float]:
+        """From the lowest knot to the highest, m or rad, and the standard uncertainty of this difference.
+
+        The level of the curve, of which data know little beside parameters, is in neither.
+        """
+        assert self.shape.covariance is not None
+        high, low = self.extremes
+        covariance = self.shape.covariance
+        variance = covariance[high, high] + covariance[low, low] - 2 * covariance[high, low]
+        return float(self.curve[high] - self.curve[low]), float(np.sqrt(max(variance, 0.0)))
+
+    @property
     def depends_on(self) -> str:
         """What it depends on, in words."""
         place, axis = place_and_axis(self.hypothesis.at)

@@ -60,8 +60,10 @@ class ImprovedFiles:
         """An entry for one place of an accepted effect."""
         improvement = self.improvement
         step = next(s for s in improvement.steps if s.hypothesis == hypothesis)
-        evidence = improvement.whole.search.evidence.get(hypothesis.name, float("nan"))
-        doubt = "PROVISIONAL, an unknown effect remains; " if improvement.whole.unknown else ""
+        shapes = {s.hypothesis.name: s.evidence for s in improvement.whole.search.shapes}
+        evidence = (improvement.whole.search.evidence | shapes)[hypothesis.name]
+        doubt = "PROVISIONAL, its cause is unknown; " if hypothesis.name in shapes else ""
+        doubt = "PROVISIONAL, an unknown effect remains; " if improvement.left else doubt
         remark = f"{doubt}log evidence {evidence:.1f}, selected in {step.chosen} of {improvement.rotations} rotations"
         if rivals := self.rivals(hypothesis):
             remark += f"; cannot be separated from {rivals}"

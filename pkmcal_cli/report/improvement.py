@@ -114,7 +114,7 @@ class ImprovementReport(ImprovedFiles):
                 to.say(f"not added: {step.hypothesis.name}: {step.refused}")
             elif not step.confirmed:
                 to.say(f"not confirmed: {step.hypothesis.name}: the error on the report rows hardly falls by it")
-        for depends_on in dict.fromkeys(unknown.depends_on for unknown in improvement.whole.unknown):
+        for depends_on in dict.fromkeys(unknown.depends_on for unknown in improvement.left):
             to.say(f"not modelled: an unknown effect that depends on {depends_on}; see `pkmcal diagnose`")
         for name, errors in (("before", improvement.before), ("after", improvement.after)):
             if errors.failed:
@@ -194,9 +194,15 @@ class ImprovementReport(ImprovedFiles):
             why = f"\n{interval}" if improvement.accepted else ""
             return f"NOT IMPROVED: no effect is confirmed by rows used neither for fitting nor for selection{only}{why}"
         names = ", ".join(h.name for h in improvement.accepted)
-        depends = listed(list(dict.fromkeys(u.depends_on for u in improvement.whole.unknown)), 3)
-        doubt = f"; provisional: an unknown effect that depends on {depends} may be the true cause" if depends else ""
-        return f"improved by {names}{doubt}\n{interval}"
+        return f"improved by {names}{self._doubt()}\n{interval}"
+
+    def _doubt(self) -> str:
+        """Why what was added is provisional: something else may be behind it, or its cause is unknown."""
+        depends = listed(list(dict.fromkeys(u.depends_on for u in self.improvement.left)), 3)
+        if depends:
+            return f"; provisional: an unknown effect that depends on {depends} may be the true cause"
+        shapes = [s.hypothesis.name for s in self.improvement.whole.shapes]
+        return f"; provisional: the cause of {listed(shapes, 3)} is unknown" if shapes else ""
 
 
 def _parts(errors: Errors) -> tuple[dict[str, ErrorFigures], ...]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from pkmcal_cli.units.file_units import ANGLE, LENGTH, TIME, FileUnits
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _MOST = 4  # parameters, and names, that are listed
+_DIGITS = 7  # of numbers in a machine file
 _STEPS = 3  # points of a scan, for each width of the shape
 
 
@@ -40,19 +42,11 @@ class ShapeText:
         return "time" if place_and_axis(self.finding.hypothesis.at)[1] == "time" else "its travel"
 
     def size(self) -> str:
-        """Where the curve is highest and lowest."""
-        curve, knots, std = self.finding.curve, self.finding.shape.knots, self.finding.std
-        most = float(np.abs(curve).max())
-        ends = (int(np.argmax(curve)), int(np.argmin(curve)))
-        texts = [
-            f"{self._value(float(curve[k]), most)} +- {self._value(2 * float(std[k]), most)} "
-            f"at {self.along.format(knots[k], 4)}"
-            for k in dict.fromkeys(ends)
-        ]
-        return " and ".join(texts)
-
-    def _value(self, value: float, most: float) -> str:
-        return readable(value, self.deviation, like=most)
+        """From its lowest place to its highest, whatever its level."""
+        height, std = self.finding.height
+        size = f"{readable(height, self.deviation)} +- {readable(2 * std, self.deviation, like=height)}"
+        high, low = (self.along.format(self.finding.shape.knots[k], 4) for k in self.finding.extremes)
+        return f"{size} from {low} (lowest) to {high} (highest)"
 
     def sentence(self) -> str:
         """What it is, how far it helps, what it hides, what would give it a name."""
@@ -107,6 +101,8 @@ class ShapeText:
             "knots_unit": along.text,
             "values": [finite(v / deviation.scale) for v in finding.curve],
             "std": [finite(s / deviation.scale) for s in finding.std],
+            "height": finite(finding.height[0] / deviation.scale),
+            "height_std": finite(finding.height[1] / deviation.scale),
             "unit": deviation.text,
             "spread": finding.shape.spread / deviation.scale,
             "width": finding.shape.width / along.scale,
@@ -139,7 +135,7 @@ def shape_lines(machine: Machine, model: Model, shape: NamelessShape, fit: Fit, 
     square = machine.file_units.unit((ANGLE if rotary else LENGTH) ** 2).scale
     rows = [f"[{_numbers(row / square)}]" for row in known.covariance]
     return [
-        f"    knots: [{_numbers([along.from_si(x) for x in known.knots])}]",
+        f"    knots: [{enclosing([along.from_si(x) for x in known.knots])}]",
         f"    values: [{_numbers(known.values / deviation.scale)}]",
         f"    spread: {known.spread / deviation.scale:.6g}",
         f"    width: {known.width / along.scale:.6g}",
@@ -148,5 +144,16 @@ def shape_lines(machine: Machine, model: Model, shape: NamelessShape, fit: Fit, 
     ]
 
 
+def enclosing(knots: Sequence[float]) -> str:
+    """Knots (K,) as they are written, the ends rounded outwards: no row of the table that they span is outside."""
+    first, *inner, last = knots
+    return ", ".join((_outwards(first, math.floor), _numbers(inner), _outwards(last, math.ceil)))
+
+
+def _outwards(value: float, rounded: Callable[[float], int]) -> str:
+    decimals = _DIGITS - 1 - (math.floor(math.log10(abs(value))) if value else 0)
+    return f"{rounded(value * 10.0**decimals) / 10.0**decimals:.{_DIGITS}g}"
+
+
 def _numbers(values: Array | Sequence[float]) -> str:
-    return ", ".join(f"{v:.7g}" for v in values)
+    return ", ".join(f"{v:.{_DIGITS}g}" for v in values)

@@ -109,6 +109,8 @@ unexplained[].knots[] number?: places on its axis, in `knots_unit`
 unexplained[].knots_unit text:
 unexplained[].values[] number?: deviation at the knots, in `unit`
 unexplained[].std[] number?: standard uncertainties of these, with what parameters imitate
+unexplained[].height number?: from its lowest knot to its highest, whatever its level
+unexplained[].height_std number?: standard uncertainty of this difference
 unexplained[].unit text:
 unexplained[].spread number?: likeliest standard deviation of such a shape, in `unit`
 unexplained[].width number?: likeliest distance over which it changes, in `knots_unit`
