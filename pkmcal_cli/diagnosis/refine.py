@@ -14,11 +14,13 @@ from pkmcal_cli.diagnosis.beyond_range import begun_beyond
 from pkmcal_cli.diagnosis.confirm import held_out_gain
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.refits import refit
+from pkmcal_cli.diagnosis.score import log_evidence
 from pkmcal_cli.diagnosis.scoring import Scored, Search, score_without, shape_gains
 from pkmcal_cli.diagnosis.search import ranked, stands_on_one_row
 from pkmcal_cli.diagnosis.warming import TOGETHER, fits_as_well, of_warming, warming
 
 RIVALS = 4
+_FITS = 12  # with others in the place of an accepted effect, at most
 CREDIBLE = 0.95
 
 
@@ -58,7 +60,11 @@ def renamed(search: Search, scores: Scored, k: int) -> Search:
 
 
 def _price(scores: Scored, k: int) -> float:
-    """What a hypothesis's log evidence is below half its statistic."""
+    """What a hypothesis's log evidence is below half its statistic; of one that scores tell nothing of, with as large a
+    statistic as any has."""
+    if not scores.scores[k].count:
+        most = max(s.statistic for s in scores.scores) / scores.scale.variance
+        return 0.5 * most - float(log_evidence(np.array(most), np.array(len(scores.hypotheses[k].unknown))))
     return 0.5 * scores.scores[k].statistic / scores.scale.variance - float(scores.log_bayes[k])
 
 
@@ -112,13 +118,24 @@ def replaced(search: Search, hypothesis: Hypothesis, scores: Scored, k: int) -> 
 def final_evidence(search: Search, hypothesis: Hypothesis, scores: Scored) -> Array:
     """Log evidence (H,) of an accepted effect (first) and all open ones in its place; `scores`: scored without it.
 
-    With what they gain by shapes of their own; where scores and fits disagree, fits decide.
+    With what they gain by shapes of their own; where scores and fits disagree, fits decide: of the best, and of all
+    that are ahead of the accepted one. Of one so far off that scores tell nothing of it, fits alone tell.
     """
     evidence = scores.log_bayes + shape_gains(search, scores) + preferences(scores)
-    order = ranked(evidence)
-    if order[0] != 0:
-        better = [int(k) for k in order[:RIVALS] if k != 0]
-        evidence[better] = [_fitted_evidence(search, hypothesis, scores, evidence, k) for k in better]
+    best, seen = ranked(evidence)[:RIVALS].tolist(), {0}
+    if best[0] == 0:
+        return evidence
+    if not np.isfinite(evidence[0]):
+        evidence[0] = evidence.max()
+    while len(seen) <= _FITS:
+        better = np.nonzero(evidence > evidence[0])[0]
+        ahead = [k for k in (*best, *better[ranked(evidence[better])].tolist()) if k not in seen]
+        if not ahead:
+            return evidence
+        evidence[ahead[0]] = _fitted_evidence(search, hypothesis, scores, evidence, ahead[0])
+        seen.add(ahead[0])
+    unseen = [k for k in range(len(evidence)) if k not in seen]
+    evidence[unseen] = np.minimum(evidence[unseen], evidence[0])
     return evidence
 
 
@@ -169,14 +186,16 @@ def set_of(search: Search, hypothesis: Hypothesis) -> CredibleSet:
 def credible_set(scores: Scored, evidence: Array, kept: NDArray[np.bool_]) -> tuple[Rival, ...]:
     """The smallest set of hypotheses that holds 95 % of the evidence (H,) in place of an accepted one, best first.
 
-    kept (H,): which are in it at any rate. Where a part has as much evidence as the group, the part stands for it.
+    The accepted one (first) and those kept (H,) are in it at any rate. Where a part has as much evidence as the group,
+    the part stands for it.
     """
     same = [k > 0 and h.name == scores.hypotheses[0].name for k, h in enumerate(scores.hypotheses)]
-    evidence = np.where(same | _needless_groups(scores.hypotheses, evidence), -np.inf, evidence)
+    needless = same | _needless_groups(scores.hypotheses, evidence)
+    evidence = np.where(needless, -np.inf, evidence)
     order = ranked(evidence)
     weight = np.exp(evidence - evidence.max()) / np.exp(evidence - evidence.max()).sum()
     last = int(np.searchsorted(np.cumsum(weight[order]), CREDIBLE)) + 1
-    chosen = [*order[:last], *(k for k in order[last:] if kept[k])]
+    chosen = [*order[:last], *(k for k in order[last:] if k == 0 or (kept[k] and not needless[k]))]
     alike = cosines(scores.linear, scores.hypotheses, scores.scores, 0, [int(k) for k in chosen])
     return tuple(Rival(scores.hypotheses[k], float(weight[k]), c) for k, c in zip(chosen, alike, strict=True))
 

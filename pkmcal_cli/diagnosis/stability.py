@@ -41,8 +41,9 @@ def stability(
 
     Or the same effect at the places of a group: repeated rows make it seem to have more sizes than it has.
 
-    `scores`: hypotheses scored without the effect; `evidence` (H,): theirs with all rows, by shapes of their own and by
-    fits. Blocks are stretches of time for what depends on time, else cells of the workspace.
+    `scores`: hypotheses scored without the effect; `evidence` (H,): theirs with all rows. What that has beyond the
+    linear evidence of all rows (prices, sizes beyond ranges, shapes of their own, fits) it has in all resamples.
+    Blocks are stretches of time for what depends on time, else cells of the workspace.
     """
     best = ranked(evidence)[:_RIVALS]
     chosen = [int(k) for k in best if scores.scores[k].count]
@@ -53,7 +54,8 @@ def stability(
     right = np.array([h.name in names or h.akin(hypothesis) for h in (scores.hypotheses[k] for k in chosen)])
     rng = np.random.default_rng(seed)
     drawn = rng.multinomial(len(grams), np.full(len(grams), 1 / len(grams)), size=_DRAWS)
-    weights, more = drawn.astype(float), evidence[chosen] - scores.log_bayes[chosen]
+    weights = drawn.astype(float)
+    more = evidence[chosen] - _evidence(grams.sum(axis=0), counts, prior, pull, scores)
     best_of = [
         int(ranked(_evidence(np.tensordot(w, grams, 1), counts, prior, pull, scores) + more)[0]) for w in weights
     ]

@@ -231,11 +231,11 @@ class DiagnosisReport(VisibilityReport):
 
     def _how_alike(self, finding: Finding) -> str:
         """Whether it matters which one is corrected, within the measured region."""
-        if all(r.cosine > ALIKE for r in finding.rivals):
-            return "Their corrections agree in the measured region."
         together = warming(self.diagnosis.problem)
         if together > TOGETHER and sum(of_warming(r.hypothesis) for r in finding.rivals) > 1:
             return f"Time and temperature go together ({together:.2f}): a cooling phase would decide."
+        if all(r.cosine > ALIKE for r in finding.rivals):
+            return "Their corrections agree in the measured region."
         return "Their corrections differ: separate them first."
 
     def to_separate(self, finding: Finding) -> list[str]:
