@@ -202,6 +202,8 @@ def test_fails_on_what_is_asked_for(tmp_path: Path) -> None:
     for command, near, known in (("diagnose", "unknwn", "`unknown`"), ("improve", "mising", "`missing`")):
         wrong = clean(run(command, SCISSORS, stepped, "--fail-on", near))
         assert wrong.code == 2 and f"did you mean {known}?" in wrong.err
+        both = clean(run(command, SCISSORS, stepped, "--fail-on", f"none,{known.strip('`')}"))
+        assert both.code == 2 and "`none` stands alone" in both.err and "did you mean" not in both.err
 
 
 # --- refused -------------------------------------------------------------------------------

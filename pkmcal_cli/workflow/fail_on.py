@@ -19,6 +19,9 @@ def failing(text: str | None, known: Sequence[str]) -> frozenset[str]:
     names = [name.strip() for name in text.split(",")]
     if names == [NEVER]:
         return frozenset()
+    if NEVER in names:
+        hint = f"use `--fail-on {NEVER}`, or leave it out"
+        raise UsageError(f"--fail-on: `{NEVER}` stands alone, without other results", hint=hint)
     wrong = [name for name in names if name not in known]
     if wrong:
         every = f"use some of {', '.join(known)}, separated by commas, or {NEVER}"
