@@ -33,13 +33,26 @@ def with_covariates(rows: Rows, measurements: Measurements) -> Rows:
 
 
 def with_directions(rows: Rows, names: Sequence[str]) -> Rows:
-    """Rows with `dir.ACTUATOR` for every drive; a given direction stays, an empty or missing one is derived."""
+    """Rows with `dir.ACTUATOR` for every drive; a given direction stays, an empty or missing one is derived.
+
+    From the order in which rows were measured: of each session by time where it is known, else as they stand.
+    """
     columns = dict(rows.columns)
-    derived = directions(rows.readings, rows.session)
+    order = _measured_order(rows)
+    derived = np.empty(rows.readings.shape)
+    derived[order] = directions(rows.readings[order], rows.session[order])
     for a, name in enumerate(names):
         measured = columns.get(f"dir.{name}", np.full(len(rows), np.nan))
         columns[f"dir.{name}"] = np.where(np.isnan(measured), derived[:, a], measured).astype(np.int8)  # lean
     return replace(rows, columns=columns)
+
+
+def _measured_order(rows: Rows) -> NDArray[np.intp]:
+    """Rows (N,) as they were measured, by session; of one time as they stand."""
+    time = rows.columns.get("time")
+    if time is None or not np.isfinite(time).all() or not len(rows):
+        return np.arange(len(rows))
+    return np.lexsort((time, rows.session))
 
 
 def at_rest(model: Model, rows: Rows) -> Rows:
@@ -85,7 +98,7 @@ def _resting(model: Model) -> dict[str, tuple[str, float, str]]:
 
 
 def directions(readings: Array, session: NDArray[np.int64]) -> Array:
-    """Directions (N, A) of the last motion, -1 or 1 in the order of the rows; 0 before the first motion of a session.
+    """Directions (N, A) of the last motion, -1 or 1, of rows as they were measured; 0 before the first of a session.
 
     A drive that stands still keeps its direction.
     """

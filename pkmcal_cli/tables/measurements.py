@@ -26,6 +26,7 @@ from pkmcal_cli.tables.measurement_set import Measurements, absent, concatenate
 from pkmcal_cli.tables.partners import check_partners, partner_notes
 from pkmcal_cli.tables.serial_days import Times
 from pkmcal_cli.tables.silent_sensors import TableUse, silent_sensors
+from pkmcal_cli.tables.time_order import time_order_notes
 from pkmcal_cli.tables.touches import Touches, implied_touches, unclear_touches
 
 __all__ = [
@@ -43,7 +44,8 @@ def read_measurements(paths: Sequence[Path | str], machine: Machine, require: Re
     stream = MeasurementStream(paths, machine, require)
     measurements = concatenate(stream)
     check_partners(measurements, machine)
-    return replace(measurements, notes=(*stream.notes, *partner_notes(measurements, machine)), warnings=stream.warnings)
+    notes = (*stream.notes, *partner_notes(measurements, machine), *time_order_notes(measurements))
+    return replace(measurements, notes=notes, warnings=stream.warnings)
 
 
 class MeasurementStream:
