@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.diagnosis.groups import POSE, TIME, by_channel, pose_shapes
+from pkmcal_cli.diagnosis.groups import POSE, TIME, by_channel, drift_shapes, pose_shapes
 from pkmcal_cli.diagnosis.linear import Linear
 from pkmcal_cli.diagnosis.noise_tests import time_order
 from pkmcal_cli.diagnosis.scale import Scale
@@ -30,24 +30,31 @@ _NEAR = 3  # rows from the change of a session, where a step is a new set-up
 _EDGE = 4  # rows before and after a step, at least
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Alternative:
-    """The best alternative of one kind: what it depends on, statistic and log evidence (BIC, tries counted)."""
+    """The best alternative of one kind: what it depends on, statistic and log evidence (BIC, tries counted).
+
+    columns (n, k): its own, whitened; row: the first one after a step.
+    """
 
     depends_on: str
     words: str
     statistic: float
     evidence: float
     rms: float  # of what it explains, in stated standard uncertainties
+    columns: Array
+    row: int | None
 
 
 @dataclass(frozen=True)
 class Family:
-    """Alternatives of one kind: blocks of k columns each (n, m, k), and words for each of the m."""
+    """Alternatives of one kind: blocks of k columns each (n, m, k), and words for each of the m; of steps, the first
+    row after each."""
 
     depends_on: str
     columns: Array
     words: Sequence[str]
+    rows: Sequence[int] = ()
 
 
 def families(problem: Problem, fit: Fit) -> list[Family]:
@@ -58,6 +65,13 @@ def families(problem: Problem, fit: Fit) -> list[Family]:
 def in_time(problem: Problem) -> tuple[Family | None, Family | None]:
     """Steps and oscillations in time of all readings."""
     return _steps(problem), _oscillations(problem)
+
+
+def drift(problem: Problem) -> Family:
+    """A smooth drift of all readings in time, or from row to row where that is not known."""
+    when = _time(problem)
+    shapes = drift_shapes(np.arange(float(len(problem))) if when is None else when)
+    return Family(TIME, _blocks(problem, shapes[:, None, :]), ["smooth drift"])
 
 
 def best_alternative(linear: Linear, scale: Scale, kinds: Sequence[Family]) -> Alternative | None:
@@ -81,7 +95,15 @@ def _best(linear: Linear, scale: Scale, kind: Family) -> Alternative:
     best = int(np.argmax(evidence))
     excess = max(float(statistic[best]) - size * scale.variance, 0.0)
     rms = float(np.sqrt(excess / linear.used))
-    return Alternative(kind.depends_on, kind.words[best], float(statistic[best]), float(evidence[best]), rms)
+    return Alternative(
+        depends_on=kind.depends_on,
+        words=kind.words[best],
+        statistic=float(statistic[best]),
+        evidence=float(evidence[best]),
+        rms=rms,
+        columns=columns[:, best],
+        row=kind.rows[best] if kind.rows else None,
+    )
 
 
 def _steps(problem: Problem) -> Family | None:
@@ -93,8 +115,21 @@ def _steps(problem: Problem) -> Family | None:
         return None
     rank = np.argsort(order)
     shapes = (rank[:, None] >= starts).astype(float)
-    words = [f"step at row {int(order[k]) + 1}" for k in starts]
-    return Family(TIME, _blocks(problem, shapes[:, :, None]), words)
+    first = [int(order[k]) for k in starts]
+    words = [f"step at row {row + 1}{_when(problem, row)}" for row in first]
+    return Family(TIME, _blocks(problem, shapes[:, :, None]), words, first)
+
+
+def _when(problem: Problem, row: int) -> str:
+    """When a row was measured, where that is known."""
+    time = _time(problem)
+    return "" if time is None else f" after {time[row] - time.min():.6g} s"
+
+
+def _time(problem: Problem) -> Array | None:
+    """Times (N,) of the rows, s, that differ; None where they are not known."""
+    time = problem.rows.columns.get("time")
+    return None if time is None or not np.isfinite(time).all() or not np.ptp(time) > 0 else time
 
 
 def _changes(problem: Problem, order: NDArray[np.intp], k: int) -> bool:
@@ -106,8 +141,8 @@ def _changes(problem: Problem, order: NDArray[np.intp], k: int) -> bool:
 
 def _oscillations(problem: Problem) -> Family | None:
     """Sine and cosine of time in all readings."""
-    time = problem.rows.columns.get("time")
-    if time is None or not np.isfinite(time).all() or not np.ptp(time) > 0:
+    time = _time(problem)
+    if time is None:
         return None
     cycles = np.arange(_FEWEST_CYCLES, len(problem) / 2, 0.5)
     if not len(cycles):

@@ -35,7 +35,7 @@ def _shapes(problem: Problem) -> Mapping[str, Array]:
     columns = problem.rows.columns
     shapes = {POSE: pose_shapes(problem)}
     if _varies(columns.get("time")):
-        shapes[TIME] = legvander(scaled(columns["time"]), _TIME_DEGREE)[:, 1:]
+        shapes[TIME] = drift_shapes(columns["time"])
     warm = [values for name, values in columns.items() if (name == "T" or name.startswith("T.")) and _varies(values)]
     if warm:
         shapes[TEMPERATURE] = np.hstack([legvander(scaled(v), _WARM_DEGREE)[:, 1:] for v in warm])
@@ -45,6 +45,11 @@ def _shapes(problem: Problem) -> Mapping[str, Array]:
     if _varies(columns.get("payload")):
         shapes[LOAD] = legvander(scaled(columns["payload"]), 2)[:, 1:]
     return shapes
+
+
+def drift_shapes(time: Array) -> Array:
+    """Legendre polynomials (N, k) of times (N,)."""
+    return np.asarray(legvander(scaled(time), _TIME_DEGREE)[:, 1:])
 
 
 def _varies(values: Array | None) -> bool:

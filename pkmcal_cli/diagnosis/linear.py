@@ -157,6 +157,10 @@ class Linear:
         extra = None if extra is None else self._taking_part(extra)
         return replace(self, projected=names, extra=extra, residual=self.residual if residual is None else residual)
 
+    def besides(self, columns: Array) -> Linear:
+        """The same with further columns (n, k), whitened, projected out."""
+        return self.projecting(self.projected, columns if self.extra is None else np.hstack([self.extra, columns]))
+
     def without_rows(self, rows: Sequence[int]) -> Linear:
         """The same with some rows projected out besides, each a free shift of its readings."""
         if not len(rows):
@@ -164,10 +168,7 @@ class Linear:
         shifts = np.zeros((*self.on.shape, len(rows), self.channels))
         for k, row in enumerate(rows):
             shifts[row, :, k] = np.eye(self.channels)
-        columns = self.whitened(shifts.reshape(self.on.size, -1))
-        return self.projecting(
-            self.projected, extra=columns if self.extra is None else np.hstack([self.extra, columns])
-        )
+        return self.besides(self.whitened(shifts.reshape(self.on.size, -1)))
 
     def _taking_part(self, x: Array) -> Array:
         """Columns (n, k) or a vector (n,), zero where a value does not take part."""

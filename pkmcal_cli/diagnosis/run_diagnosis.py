@@ -13,6 +13,7 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import reasons
 from pkmcal_cli.calibration.robust import Loss, RobustFit, normal_figures
+from pkmcal_cli.diagnosis.all_in_time import as_unknown, beside, in_time, without_imitations
 from pkmcal_cli.diagnosis.alpha import Alpha
 from pkmcal_cli.diagnosis.bad_rows import restored, suspected_rows, with_rows, without_gross_rows
 from pkmcal_cli.diagnosis.exchanges import swapped
@@ -214,14 +215,13 @@ def _begun(candidates: Candidates, problem: Problem, selected: tuple[str, ...], 
 
 
 def _ended(begun: _Begun, options: SearchOptions) -> Search:
-    alone = with_all_in_one(begun.start, begun.first)
-    search = _searched(alone, options)
+    search = _searched(alone := with_all_in_one(begun.start, begun.first), options)
     if alone.shapes and search.accepted:  # then it does not explain all by itself
         search = _searched(begun.start, options)
     options.observe(Stage("exchanges"))
     search = restored(swapped(search))
     options.observe(Stage("held-out rows"))
-    return _with_shapes(confirmed_only(search), options)
+    return without_imitations(_with_shapes(confirmed_only(search), options))
 
 
 def _searched(start: Search, options: SearchOptions) -> Search:
@@ -251,15 +251,24 @@ def _left(search: Search, parts: Alpha) -> _Left:
 
 def _unexplained_rest(search: Search, parts: Alpha) -> _Left:
     last, least = score_all(search, search.open), parts.groups / TESTS
-    unknown = unknown_effects(last.linear, search.problem, last.scale, parts.groups, search.bad_rows)
-    if unknown and search.accepted:  # unless a richer shape of what was found explains it
-        extra = discrepancy_columns(search.problem, search.fit, search.accepted, search.known)
-        shaped = last.linear.projecting(last.linear.projected, extra=last.linear.whitened(extra))
-        unknown = unknown_effects(shaped, search.problem, last.scale, parts.groups, search.bad_rows)
+    unknown = _unknown(search, last, parts)
+    alone = in_time(search, last, unknown)
+    if alone is not None:
+        unknown = [as_unknown(alone), *_unknown(search, beside(last, search.problem, alone), parts)]
     growth = noise_growth(last.linear, search.problem, last.scale, least)
     every = weighted(with_rows(search.problem, list(search.bad_rows)), growth)  # else its far end is a local effect
     unknown += local_effects(every, search.fit.values, least)
-    return last, tuple(unknown + unmodelled_alternatives(search, last) + refuted_causes(search, last)), growth
+    return last, tuple(unknown + unmodelled_alternatives(search, last, alone) + refuted_causes(search, last)), growth
+
+
+def _unknown(search: Search, last: Scored, parts: Alpha) -> list[Unknown]:
+    """What is unknown, unless a richer shape of what was found explains it; `last`: scored at the end of the search."""
+    unknown = unknown_effects(last.linear, search.problem, last.scale, parts.groups, search.bad_rows)
+    if not unknown or not search.accepted:
+        return unknown
+    extra = discrepancy_columns(search.problem, search.fit, search.accepted, search.known)
+    shaped = last.linear.besides(last.linear.whitened(extra))
+    return unknown_effects(shaped, search.problem, last.scale, parts.groups, search.bad_rows)
 
 
 def _same_as_parameters(first: Scored) -> dict[str, str]:

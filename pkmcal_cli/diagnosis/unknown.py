@@ -22,7 +22,8 @@ TESTS = 10  # groups, oscillations, runs, clusters, local effects and range nois
 class Unknown:
     """Something that depends on `depends_on` and is no effect of the catalogue; `rms` in standard uncertainties.
 
-    `hint`: more in words, such as the period of an oscillation; `replaces`: accepted effects that it explains better.
+    `hint`: more in words, such as the period of an oscillation; `replaces`: accepted effects that it explains better;
+    `row`: the first one after a step in time.
     """
 
     depends_on: str
@@ -30,6 +31,7 @@ class Unknown:
     rms: float
     hint: str = ""
     replaces: tuple[str, ...] = ()
+    row: int | None = None
 
 
 def unknown_effects(

@@ -130,8 +130,9 @@ class DiagnosisReport(VisibilityReport):
         return f"p {chance:.1g}{by}" if chance > _SMALLEST else "p < 1e-12"
 
     def _nameless(self) -> str:
-        """Displacements without a name that stand for what is unknown."""
+        """Displacements without a name, and steps in time, that stand for what is unknown."""
         names = [shape.hypothesis.name for shape in self.diagnosis.shapes]
+        names += [f"a {u.hint}" for u in self.diagnosis.unknown if u.row is not None]
         return f"; {listed(names, 3)} describes it" if names else ""
 
     def _far_off(self) -> str:
@@ -276,7 +277,7 @@ class DiagnosisReport(VisibilityReport):
     def unknown_text(self, unknown: Unknown) -> str:
         size = "" if np.isnan(unknown.rms) else f"{self.error(unknown.rms * self.sigma)} rms "
         warm = any(name == "T" or name.startswith("T.") for name in self.measured.covariates)
-        text = unknown_sentence(size, unknown.depends_on, unknown.hint, warm)
+        text = unknown_sentence(size, unknown.depends_on, unknown.hint, warm, unknown.row is not None)
         mapped = unknown.depends_on == POSE and (not unknown.hint or unknown.hint.startswith("smooth field"))
         return f"{text} {self._map_sentence()}" if mapped else text
 

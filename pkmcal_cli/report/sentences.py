@@ -76,9 +76,15 @@ def tested_alone(names: Sequence[str] | None) -> str:
     return f"; only {listed(names, 3)} {'was' if len(names) == 1 else 'were'} tested"
 
 
-def unknown_sentence(size: str, depends_on: str, hint: str, warm: bool) -> str:
-    """Something that no effect explains; `warm`: temperatures were logged."""
-    advice = {
+_MOVED = (
+    "Something was moved or homed again there, of the instrument or of the machine. Give the rows from there on another"
+    " session (column `session`)."
+)
+
+
+def unknown_sentence(size: str, depends_on: str, hint: str, warm: bool, step: bool = False) -> str:
+    """Something that no effect explains; `warm`: temperatures were logged; `step`: all readings shift at some time."""
+    advice = _MOVED if step else {
         "time": f"Log temperatures{' of more parts' if warm else ''} and repeat a datum pose.",
         "temperature": "Log temperatures of more parts.",
         "direction": "Measure every pose from both sides.",
