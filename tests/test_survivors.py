@@ -10,6 +10,7 @@ import pytest
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.error_budget import ErrorBudget
+from pkmcal_cli.calibration.held_share import HeldShare
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.positioning_accuracy import axis_accuracy
 from pkmcal_cli.calibration.prior import prior_of_ranges
@@ -220,7 +221,8 @@ def test_uncertainty_is_that_of_noise_and_of_offsets_together() -> None:
     budget = ErrorBudget(
         names=("a",), held=("b",), instruments=("gauge",), data=np.array([[[9e-12]]]), by_own=np.zeros((1, 1)),
         by_held=np.array([[4e-6]]), half_ranges=np.ones(2), scales=one,
-        squares=np.ones(1), counts=np.ones(1), worth=np.ones(1),
+        counts=np.ones(1), worth=np.ones(1),
+        share=HeldShare(("b",), np.ones(1), np.ones((1, 1, 1)), np.zeros((1, 1))),
     )  # fmt: skip
     assert budget.std == pytest.approx(5e-6, rel=1e-6)
     assert budget.std_by_data == pytest.approx(3e-6, rel=1e-6) and budget.std_by_held == pytest.approx(4e-6, rel=1e-6)

@@ -57,8 +57,8 @@ def test_it_is_told_written_and_repeated_as_a_note(tmp_path: Path) -> None:
 
 
 def test_the_instrument_is_named_where_there_are_several() -> None:
-    """Lines of the hangprinter stretch: the ceiling line shows it most."""
-    table = MACHINES / "hangprinter_2021-12-16.csv"
+    """Lines of the hangprinter stretch, and its spools grow: the ceiling line shows it most."""
+    table = MACHINES / "hangprinter_2022-04-12.csv"
     done = clean(run("calibrate", MACHINES / "hangprinter.yaml", table, "--holdout", "none", "--json"))
     told = {text.split(" are ")[0]: float(text.split(" are ")[1].split()[0]) for text in done.json["incomplete"]}
     assert done.code == 0 and set(told) == {"the residuals of camera", "the residuals of D"}

@@ -19,6 +19,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.condensed import condensed, evaluate_condensed
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.fitted_frames import frame_parameters
+from pkmcal_cli.calibration.held_share import HeldShare, held_share
 from pkmcal_cli.calibration.identifiability import Directions
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.range_scales import Evidence, Scales, drawn_scales
@@ -35,7 +36,8 @@ class ErrorBudget:
 
     data (G, p, p): covariance by the noise of each of G instruments as stated; by_own (p, p), by_held (p, h): errors by
     offsets of half a range; half_ranges (p + h,); scales: of the offsets, identified ones first, and of the noise;
-    squares, counts, worth (G,): of the whitened residuals of each instrument, and what its stated variance is worth.
+    counts, worth (G,): readings of each instrument, and what its stated variance is worth; share: of the held ones in
+    the residuals.
     """
 
     names: tuple[str, ...]
@@ -46,9 +48,9 @@ class ErrorBudget:
     by_held: Array
     half_ranges: Array
     scales: Scales
-    squares: Array
     counts: Array
     worth: Array
+    share: HeldShare
     known_by: str = "the ranges"  # what is known of identified parameters besides the data
 
     def _std(self, by_own: Array, by_held: Array) -> Array:
@@ -150,8 +152,8 @@ def error_budget(
     near = condensed(problem, last)
     groups = _instruments(problem, near.channel)
     jacobian = near.jacobian * half
-    evidence = _evidence(problem, fit, groups, jacobian, near.residual, index)
-    information = evidence.information
+    said = evidence = _evidence(problem, fit, groups, jacobian, near.residual, index)
+    information = said.information
     whole, scale = information.sum(axis=0), half[:p, None]
     prior, spread = problem.prior, np.asarray(np.eye(p))
     if prior is not None and prior.stated:
@@ -170,9 +172,9 @@ def error_budget(
         by_held=gain @ whole[:p, p:] * scale,
         half_ranges=half,
         scales=scales,
-        squares=evidence.squares,
         counts=groups.counts,
         worth=groups.freedom,
+        share=held_share(held, said, gain, np.maximum(scales.typical[p:], 1.0)),
         known_by="the ranges" if prior is None or not prior.stated else "the prior",
     )
 

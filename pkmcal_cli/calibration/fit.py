@@ -12,7 +12,8 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.identifiability import Directions
 from pkmcal_cli.calibration.residual import Evaluation
 
-_SIGNIFICANT = 0.01  # chance of a chi-square so large at which more is left than sigma explains
+SIGNIFICANT = 0.01
+"""Chance of a chi-square so large at which more is left than sigma explains."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +69,7 @@ class Fit:
     @property
     def excess(self) -> float:
         """Chi-square per degree of freedom where it exceeds 1 significantly (at 1 %), else 1."""
-        if self.dof <= 0 or float(chdtrc(self.dof, self.chi2)) > _SIGNIFICANT:
+        if self.dof <= 0 or float(chdtrc(self.dof, self.chi2)) > SIGNIFICANT:
             return 1.0
         return max(self.chi2_per_dof, 1.0)
 

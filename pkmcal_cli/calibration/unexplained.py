@@ -41,9 +41,11 @@ def unexplained(fit: Fit, budget: ErrorBudget, robust: RobustFit | None = None) 
     if fit.status != "converged" or fit.dof <= 0 or not count:
         return ()
     freedom = np.maximum(budget.counts * (fit.dof / count), 1e-9)
-    ratio = budget.squares / freedom
+    whole, left = budget.share.squares, budget.share.left
+    ratio = whole / freedom
     if robust is not None and robust.loss != "squares":
         ratio, freedom = _robust_ratio(robust, budget), _MEDIAN * freedom
+    ratio = ratio * np.divide(left, whole, out=np.ones(len(whole)), where=whole > 0)
     level = np.array([_BEYOND_NOISE, _BEYOND_DOUBT]) / len(budget.instruments)
     worth = np.minimum(budget.worth, 1e9)
     beyond = (chdtrc(freedom, ratio * freedom) < level[0]) & (fdtrc(freedom, worth, ratio) < level[1])

@@ -40,7 +40,14 @@ from pkmcal_cli.report.parameters import (
 )
 from pkmcal_cli.report.repeatability import show_replicates
 from pkmcal_cli.report.sentences import STOPPED
-from pkmcal_cli.report.uncertainty_remarks import HELD, held_text, noise_text, ranges_text
+from pkmcal_cli.report.uncertainty_remarks import (
+    HELD,
+    held_text,
+    noise_text,
+    ranges_text,
+    residuals_text,
+    uncertainty_json,
+)
 
 _WEAK, _MEMBERS = 3, 8  # weak combinations that are told one by one, if they have so few members
 _WORTH = 0.3  # share of the uncertainty by data from which on what is held has a column
@@ -110,13 +117,7 @@ class CalibrationReport:
             "chi2": finite(self.fit.chi2),
             "degrees_of_freedom": self.fit.dof,
             "chi2_per_dof": finite(self.fit.chi2_per_dof),
-            "uncertainty": {
-                "method": self.intervals.method,
-                "noise": dict(zip(self.budget.instruments, self._noise, strict=True)),
-                "ranges": {"p_value": finite(self.ranges.p_value), "factors": dict(self.ranges.factors)},
-                "held": list(self.budget.held),
-                "remark": self.intervals.remark or None,
-            },
+            "uncertainty": uncertainty_json(self.fit, self.budget, self.ranges, self.intervals),
             "outliers": self.audit.json(),
             "datum": None if self.calibration.datum is None else list(self.calibration.datum.held),
             "gauge": [] if self.calibration.datum is None else list(self.calibration.datum.gauge.motions),
@@ -131,11 +132,6 @@ class CalibrationReport:
                 for each in combination_json(self.model, c, self.fit, self.budget.covariance)
             ],
         }
-
-    @property
-    def _noise(self) -> list[float]:
-        """How many times larger than stated the sigma of each instrument is taken to be."""
-        return [float(v) for v in np.sqrt(self.budget.scales.typical_noise)]
 
     def show(self, to: Reporter) -> None:
         """Tables for people."""
@@ -265,11 +261,9 @@ class CalibrationReport:
         if self.fit.dof > 0:
             freedom = count(self.fit.dof, "degree")
             lines.append(f"chi-square per degree of freedom: {chi2:.3f} ({freedom} of freedom)")
-        factor = float(np.sqrt(max(self.fit.chi2_per_dof, 0.0)))
-        if self.fit.excess > 1 and self.audit.loss == "squares":
-            lines.append(f"The residuals are {factor:.3g} times larger than the stated noise.")
-            lines.append("The model lacks an effect, or sigma is too small.")
-        elif self.audit.loss != "squares":
+        if self.audit.loss == "squares":
+            lines += residuals_text(self.fit, self.budget)
+        else:
             lines.append(f"robust fit ({self.audit.loss}): uncertainties from the scatter without outliers")
         if self.audit.loss == "squares" and (noise := noise_text(self.budget)):
             lines.append(noise)

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from scipy.special import chdtrc
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.error_budget import ErrorBudget
+from pkmcal_cli.calibration.fit import SIGNIFICANT, Fit
+from pkmcal_cli.calibration.intervals import Intervals
 from pkmcal_cli.calibration.range_check import RangeCheck
+from pkmcal_cli.report.number_format import finite
 
 HELD = "held adds"
 _LISTED = 4
 _LITTLE = 0.7  # factor on a sigma that is worth a word
+_EXPLAINED = 0.5  # share of chi-square from which on what explains it is worth a word
 
 
 def held_text(budget: ErrorBudget) -> str:
@@ -46,3 +53,42 @@ def noise_text(budget: ErrorBudget) -> str:
     more = f" and {len(odd) - _LISTED} more" if len(odd) > _LISTED else ""
     listed = ", ".join(f"{name} {factors[name]:.2g} times sigma" for name in odd[:_LISTED])
     return f"Uncertainties are computed with noise of {listed}{more}."
+
+
+def held_that_explain(fit: Fit, budget: ErrorBudget) -> tuple[str, ...]:
+    """Parameters that are not identified, but explain within their ranges most of what is more than noise; () if none.
+
+    Those few that explain the most of it together.
+    """
+    if fit.excess <= 1.0 or budget.share.left_of_all() > _EXPLAINED * fit.chi2:
+        return ()
+    return budget.share.named()
+
+
+def residuals_text(fit: Fit, budget: ErrorBudget) -> list[str]:
+    """Why the residuals of a fit by least squares are larger than noise, in sentences; [] where they are not."""
+    if fit.excess <= 1.0:
+        return []
+    lines = [f"The residuals are {np.sqrt(fit.chi2_per_dof):.3g} times larger than the stated noise."]
+    lacking = "The model lacks an effect, or sigma is too small."
+    if not (names := ",".join(held_that_explain(fit, budget))):
+        return [*lines, lacking]
+    lines.append(f"Parameters that are not identified explain most of this within their ranges (`--select auto,{names}`).")
+    left = max(budget.share.left_of_all(), 0.0)
+    if chdtrc(fit.dof, left) <= SIGNIFICANT:
+        rest = f"Even so the residuals are {np.sqrt(left / fit.dof):.3g} times larger than the stated noise."
+        lines += [rest, lacking]
+    return lines
+
+
+def uncertainty_json(fit: Fit, budget: ErrorBudget, checked: RangeCheck, intervals: Intervals) -> dict[str, Any]:
+    """What uncertainties are made of, for programs."""
+    noise = np.sqrt(budget.scales.typical_noise).tolist()  # by what the sigma of each instrument is multiplied
+    return {
+        "method": intervals.method,
+        "noise": dict(zip(budget.instruments, noise, strict=True)),
+        "ranges": {"p_value": finite(checked.p_value), "factors": dict(checked.factors)},
+        "held": list(budget.held),
+        "held_explain": list(held_that_explain(fit, budget)),
+        "remark": intervals.remark or None,
+    }

@@ -15,8 +15,8 @@ status converged|incomplete|not_converged|nothing_identifiable|implausible: `con
     `diagnose` tells which); `not_converged`, `nothing_identifiable`, or `implausible`: converged, but not to be
     believed
 implausible[] text: why not
-incomplete[] text: instruments whose residuals are larger than their stated noise can be, and by what factor; empty
-    unless `status` is `incomplete`
+incomplete[] text: instruments whose residuals are larger than their stated noise and parameters that are not
+    identified can make them, and by what factor; empty unless `status` is `incomplete`
 n_rows integer: number of rows in all tables
 n_failed integer: number of rows without a prediction, not used
 failed[].file text: such a row
@@ -79,6 +79,8 @@ uncertainty.ranges.p_value number?: probability of values so far from nominal, o
 uncertainty.ranges.factors.KIND number: by what the ranges of a kind of parameters are multiplied: `length`, `angle`,
     `stiffness`, `zero` (of drives), ...
 uncertainty.held[] text: parameters that are not identified and known to their ranges
+uncertainty.held_explain[] text: those few of them that explain the most of residuals larger than noise, where all of
+    them together explain at least half within their ranges; otherwise empty
 uncertainty.remark text?: remark on the intervals, or null
 outliers[].file text: file of a value whose deviation exceeds 3.5 standard uncertainties
 outliers[].line integer?: null for a bench measurement, which is in the machine file
