@@ -18,7 +18,7 @@ from pkmcal_cli.calibration.datum import Datum
 from pkmcal_cli.calibration.error_budget import ErrorBudget, error_budget, held_parameters
 from pkmcal_cli.calibration.estimated_ranges import with_estimated_ranges
 from pkmcal_cli.calibration.fit import Fit
-from pkmcal_cli.calibration.identify import STEPS, identify
+from pkmcal_cli.calibration.identify import NOTHING, STEPS, identify
 from pkmcal_cli.calibration.intervals import (
     Intervals,
     Method,
@@ -134,7 +134,7 @@ def _with_ranges(robust: RobustFit, start: Array, held: tuple[str, ...]) -> tupl
     noise = None if robust.loss == "squares" else robust.fit.directions.spread
     budget = error_budget(robust.problem, robust.fit, held, noise=noise)
     fit = robust.fit.with_spread(budget.spread)
-    if fit.status == "converged":
+    if fit.status in ("converged", NOTHING):  # it may be the ranges that leave nothing to identify
         factors = budget.scales.typical[: len(fit.selected)] / np.sqrt(budget.spread)
         problem, fit = with_estimated_ranges(robust.problem, fit, start, factors)
         if problem is not robust.problem:

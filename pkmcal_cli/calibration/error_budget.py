@@ -23,6 +23,7 @@ from pkmcal_cli.calibration.held_share import HeldShare, held_share
 from pkmcal_cli.calibration.identifiability import Directions
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.range_scales import Evidence, Scales, drawn_scales
+from pkmcal_cli.calibration.scale_start import first_factors
 
 COVER = 1.959963985  # standard uncertainties of a 95 % interval
 _HALVINGS = 30
@@ -160,8 +161,7 @@ def error_budget(
         spread = np.asarray(np.linalg.inv(prior.columns(fit.selected) * half[:p]))
         evidence = evidence.of_known(spread, prior.errors(problem.model, fit.values))
     if scales is None:
-        scales = drawn_scales(evidence if noise is None else evidence.with_noise(noise))
-        scales = scales if noise is None else replace(scales, noise=np.full(scales.noise.shape, noise))
+        scales = _scales(evidence, noise)
     gain = _gain(fit.directions, jacobian[:, :p], half[:p])  # (p, p): by it J^T y gives the estimate
     return ErrorBudget(
         names=fit.selected,
@@ -177,6 +177,15 @@ def error_budget(
         share=held_share(held, said, gain, np.maximum(scales.typical[p:], 1.0)),
         known_by="the ranges" if prior is None or not prior.stated else "the prior",
     )
+
+
+def _scales(evidence: Evidence, noise: float | None) -> Scales:
+    """Drawn after the data; noise: what all stated variances are multiplied by, if that is known."""
+    if noise is None:
+        return drawn_scales(evidence, first_factors(evidence))
+    evidence = evidence.with_noise(noise)
+    scales = drawn_scales(evidence, first_factors(evidence))
+    return replace(scales, noise=np.full(scales.noise.shape, noise))
 
 
 def _evidence(

@@ -33,7 +33,8 @@ def with_estimated_ranges(problem: Problem, fit: Fit, start: Array, factors: Arr
     wider, values = replace(problem, model=model.with_ranges(ranges), unseen=unseen), fit.values
     if problem.prior is None:
         spectrum = directions(condensed(problem, fit.last).jacobian, fit.selected, ranges[index], unseen)
-        if not (spectrum.weak.any() or fit.directions.weak.any()):
+        both = (spectrum, fit.directions)
+        if not any(each.weak.any() for each in both) and len({each.rank for each in both}) == 1:
             return problem, fit
         values = centred(problem, values, start, spectrum)
     else:

@@ -12,7 +12,8 @@ from pkmcal_cli.calibration.range_check import RangeCheck
 USABLE = ("converged", "incomplete")
 """How a fit ends whose parameters can be used."""
 _FAR = 10.0  # effective ranges off nominal
-_WIDER = 3.0  # times the range of the machine file: no kind is wider effectively
+_WIDER = 3.0  # times the range of the machine file: no kind is wider effectively, as one cause may throw all far off,
+_BUILT = 1e-4  # but where that is less than this, of the machine's size or rad: machines are built no better
 _LEFT, _LARGE = 1 / 3, 1e-2  # share of the rms before, and of the machine's size, that a fit of good data goes below
 _LOST = 1 / 4  # share of rows without prediction that a fit of good data does not leave
 _WEIGHTY = 0.1  # weight below which a reading is left out
@@ -24,8 +25,9 @@ def implausible_values(problem: Problem, checked: RangeCheck) -> tuple[str, ...]
     model, far = problem.model, []
     for name, offset in checked.offsets.items():
         parameter = model.parameters[model.names.index(name)]
-        wider = float(np.clip(checked.factors.get(parameter.kind or parameter.dimension, 1.0), 1.0, _WIDER))
-        if abs(offset) / 2 > _FAR * wider and not _of_effect(problem, name):
+        factor = checked.factors.get(parameter.kind or parameter.dimension, 1.0)
+        built = _BUILT * {"length": model.length, "angle": 1.0}.get(parameter.dimension, 0.0) / parameter.range
+        if abs(offset) / 2 > _FAR * float(np.clip(factor, 1.0, max(_WIDER, built))) and not _of_effect(problem, name):
             far.append((abs(offset) / 2, name))
     if not far:
         return ()

@@ -70,7 +70,7 @@ def range_check(problem: Problem, fit: Fit, budget: ErrorBudget) -> RangeCheck:
     chance = chance if declared else float("nan")
     factors = {kind: float(np.median(drawn)) for kind, drawn in budget.scales.factors.items()}
     named = dict(zip(fit.selected, offsets.tolist(), strict=True))
-    lost = spectrum.undetermined()
+    lost = fit.directions.undetermined()
     seen = {n: z for (n, z), gone in zip(named.items(), lost, strict=True) if not gone}
     judged = (model.parameters[k] for k, skipped in zip(index, unranged, strict=True) if not skipped)
     kinds = frozenset(p.kind or p.dimension for p in judged)

@@ -4,9 +4,9 @@ The true offset of a parameter, in half ranges, is normal with variance tau^2 / 
 kind (length, angle, stiffness, zero of a drive); w to the parameter alone, so one that is wild widens no other (1 for
 those that are not identified, of which nothing is learned). The variance of an instrument's noise is phi times what is
 stated. A weak prior says that what is stated is right: tau log-normal about 1 (two of three are within a factor of 2
-either way), w about 1 with 10 degrees of freedom, phi with what the stated sigma is worth. The problem is linear here,
-so all is drawn by Gibbs sampling (Gelman et al. 2013, Bayesian Data Analysis, ch. 11), tau on a grid (Ritter and Tanner
-1992), always with the same random numbers.
+either way, and one of a thousand is off by any factor: a wrong unit), w about 1 with 10 degrees of freedom, phi with
+what the stated sigma is worth. The problem is linear here, so all is drawn by Gibbs sampling (Gelman et al. 2013,
+Bayesian Data Analysis, ch. 11), tau on a grid (Ritter and Tanner 1992), always with the same random numbers.
 """
 
 from __future__ import annotations
@@ -21,8 +21,15 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.rotation import Array
 
 _FACTOR = 2.0  # by which ranges are off: one standard deviation
-_LOG_TAU = np.linspace(-4.0, 5.0, 361)  # far beyond what a prior of that width leaves likely
-_HALF_PRECISION = 0.5 * np.exp(-2.0 * _LOG_TAU)
+_SLIPPED = 1e-3  # share of ranges that are off by any factor: in a wrong unit
+LOG_TAU = np.linspace(-4.0, 14.0, 721)
+"""Logarithms of the factors that are considered."""
+LOG_PRIOR = np.log(
+    (1.0 - _SLIPPED) * np.exp(-0.5 * (LOG_TAU / np.log(_FACTOR)) ** 2) / (np.log(_FACTOR) * np.sqrt(2.0 * np.pi))
+    + _SLIPPED / (LOG_TAU[-1] - LOG_TAU[0])
+)
+"""Logarithms of their density before the data."""
+_HALF_PRECISION = 0.5 * np.exp(-2.0 * LOG_TAU)
 _OWN_FREEDOM = 10.0
 _CHAINS, _STEPS, _WARMING = 40, 35, 10
 _ENTRIES = 2e6  # of the matrices of chains that are worked on together
@@ -116,10 +123,14 @@ class Scales:
         return np.asarray(np.median(self.noise, axis=0))
 
 
-def drawn_scales(evidence: Evidence, seed: int = 0) -> Scales:
-    """Draws of the scales after the data, the same in whatever order parameters and instruments are named."""
+def drawn_scales(evidence: Evidence, begin: Array | None = None, seed: int = 0) -> Scales:
+    """Draws of the scales after the data, the same in whatever order parameters and instruments are named.
+
+    begin (q,): factors of the ranges of offsets, the same for a kind, about which they begin; 1 without.
+    """
     order, instruments = _order(evidence)
-    drawn = _drawn(evidence.taken(order, instruments), seed)
+    first = np.ones(len(order)) if begin is None else begin[order]
+    drawn = _drawn(evidence.taken(order, instruments), first, seed)
     back = np.argsort(order)
     return replace(drawn, variances=drawn.variances[:, back], noise=drawn.noise[:, np.argsort(instruments)])
 
@@ -133,11 +144,12 @@ def _order(evidence: Evidence) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return np.array([k for k, _ in offsets], dtype=np.intp), np.array([k for k, _ in of_instruments], dtype=np.intp)
 
 
-def _drawn(evidence: Evidence, seed: int) -> Scales:
+def _drawn(evidence: Evidence, begin: Array, seed: int) -> Scales:
     rng, tamed = np.random.default_rng(seed), evidence.tamed()
     kinds, kind_of = np.unique(tamed.kinds, return_inverse=True)
     shape = (_CHAINS, len(kind_of))
-    tau2, student_weights = np.ones((_CHAINS, len(kinds))), np.ones(shape)
+    first = [begin[kind_of == k].max() ** 2 for k in range(len(kinds))]
+    tau2, student_weights = np.tile(first, (_CHAINS, 1)), np.ones(shape)
     noise = np.ones((_CHAINS, len(tamed.counts)))
     drawn: list[tuple[Array, Array, Array]] = []
     for step in range(_STEPS):
@@ -186,13 +198,12 @@ def _of_kinds(
 ) -> Array:
     """tau^2 (M, K) given weighted squares of offsets (M, q) of kinds `place` (q,); 1 where none is identified."""
     out = np.ones((len(squares), kinds))
-    prior = -0.5 * (_LOG_TAU / np.log(_FACTOR)) ** 2
     for k in np.unique(kind_of[on]):
         count = int((on & (kind_of == k)).sum())
         total = squares[:, kind_of == k].sum(axis=1)[:, None]
-        density = (prior - count * _LOG_TAU) - total * _HALF_PRECISION  # (M, grid), its logarithm
+        density = (LOG_PRIOR - count * LOG_TAU) - total * _HALF_PRECISION  # (M, grid), its logarithm
         density -= density.max(axis=1, keepdims=True)
         below = np.exp(density, out=density).cumsum(axis=1)
         chosen = (below < below[:, -1:] * rng.random((len(squares), 1))).sum(axis=1)
-        out[:, k] = np.exp(2.0 * _LOG_TAU[chosen])
+        out[:, k] = np.exp(2.0 * LOG_TAU[chosen])
     return out

@@ -125,7 +125,7 @@ class CalibrationReport:
             "replicates": [noise.json() for noise in self.replicates],
             "heldout": heldout_json(self.machine, self.held_out),
             "condition_number": finite(self.ranges.declared.condition_number),
-            "rank": self.ranges.declared.rank,
+            "rank": directions.rank,
             "undetermined": [
                 each
                 for c in combinations(directions)

@@ -32,7 +32,7 @@ def held_text(budget: ErrorBudget) -> str:
 
 def ranges_text(checked: RangeCheck) -> str:
     """By how much ranges are too small or too large, and which parameters tell it."""
-    parts = [f"{kind} {checked.factors[kind]:.2g}" for kind in sorted(checked.kinds)]
+    parts = [f"{kind} {float(f'{checked.factors[kind]:.2g}'):.6g}" for kind in sorted(checked.kinds)]
     named = [f"{name} ({abs(z) / 2:.1f})" for name, z in list(checked.far.items())[:_LISTED]]
     most = f"; furthest, in ranges: {', '.join(named)}" if named else ""
     chance = "< 1e-12" if checked.p_value < 1e-12 else f"= {checked.p_value:.1g}"
@@ -73,7 +73,8 @@ def residuals_text(fit: Fit, budget: ErrorBudget) -> list[str]:
     lacking = "The model lacks an effect, or sigma is too small."
     if not (names := ",".join(held_that_explain(fit, budget))):
         return [*lines, lacking]
-    lines.append(f"Parameters that are not identified explain most of this within their ranges (`--select auto,{names}`).")
+    remedy = f"(`--select auto,{names}`)"
+    lines.append(f"Parameters that are not identified explain most of this within their ranges {remedy}.")
     left = max(budget.share.left_of_all(), 0.0)
     if chdtrc(fit.dof, left) <= SIGNIFICANT:
         rest = f"Even so the residuals are {np.sqrt(left / fit.dof):.3g} times larger than the stated noise."
