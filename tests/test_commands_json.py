@@ -230,7 +230,7 @@ SHOWN = [
 ]
 
 
-SELDOM = {"improve": {"provenance.accepted[]"}}  # as in `calibrate`
+SELDOM = {"improve": {"provenance.accepted[]", "provenance.implausible[]"}}  # as in `calibrate`
 
 
 @pytest.mark.parametrize("command", [pytest.param(c, marks=LONG.get(c, ())) for c in SHOWN])

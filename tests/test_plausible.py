@@ -79,8 +79,10 @@ def test_a_result_that_nobody_should_believe(
     assert "IMPLAUSIBLE" in done.err and words in done.err
     written = yaml.safe_load(file.read_text(encoding="utf-8"))["provenance"]
     assert written["status"] == "implausible" and "accepted" not in written
+    assert written["implausible"] == done.json["implausible"]
     again = run("sensitivity", MACHINE, "-p", file)
-    assert f"warning: {file}: the fit ended with status `implausible`" in again.err
+    reasons = "; ".join(done.json["implausible"])
+    assert f"warning: {file}: the fit ended with status `implausible`: {reasons}" in again.err
 
 
 def constant(head: list[str], rows: Rows) -> None:
@@ -140,6 +142,19 @@ def test_it_can_be_accepted_which_is_recorded_and_repeated(tmp_path: Path) -> No
     again = run("sensitivity", MACHINE, "-p", file)
     assert f"note: {file}: implausible, but accepted: {'; '.join(reasons)}" in again.err
     assert "warning" not in again.err
+
+
+@pytest.mark.parametrize("accept", [False, True])
+def test_whoever_reads_the_file_is_told_as_by_p(accept: bool, tmp_path: Path) -> None:
+    table, file = spoilt(tmp_path, turned), tmp_path / "p.yaml"
+    calibrated(table, "-o", file, "--starts", "1", *(["--accept"] if accept else []))
+    (told,) = (line for line in run("sensitivity", MACHINE, "-p", file).err.splitlines() if str(file) in line)
+    assert told.startswith("note: " if accept else "warning: ") and "ranges off nominal" in told
+    assert told in calibrated(TABLE, "--prior", file).err
+    good = tmp_path / "good.yaml"
+    calibrated(TABLE, "-o", good)
+    both = run("compare", file, good)
+    assert told in both.err and str(good) not in "".join(x for x in both.err.splitlines() if x.startswith("warning"))
 
 
 def test_a_robust_loss_does_without_the_row(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from pkmcal_cli.base.errors import FaultList
 from pkmcal_cli.language.fingerprint import Fingerprint, read_fingerprint
 from pkmcal_cli.loading.data_information import DATA, DataInformation, read_data
+from pkmcal_cli.loading.ending import Ending, read_ending
 from pkmcal_cli.loading.evidence import Evidence, read_evidence
 from pkmcal_cli.loading.parameter_text import FINGERPRINT
 from pkmcal_cli.units.dimensions import Dimension
@@ -42,7 +43,7 @@ class KnownParameter:
 class KnownParameters:
     """What a parameter file says, SI: parameters by name; covariance (p, p) of `names`; what its rows say.
 
-    created: when, None where it does not say; inputs: sha256 by file; status: how the fit ended.
+    created: when, None where it does not say; inputs: sha256 by file; ending: of the fit.
     """
 
     file: str
@@ -54,7 +55,7 @@ class KnownParameters:
     fingerprint: Fingerprint | None
     created: datetime | None
     inputs: Mapping[str, str]
-    status: str | None
+    ending: Ending
     evidence: Evidence | None = None
 
     def of_dimensions(self, dimensions: Mapping[str, Dimension]) -> KnownParameters:
@@ -117,7 +118,7 @@ def known_parameters(path: str) -> KnownParameters:
         created=_date(head.get("created")),
         inputs={str(k): str(v) for k, v in _map(head.get("inputs")).items()},
         evidence=read_evidence(source.root),
-        status=None if head.get("status") is None else str(head["status"]),
+        ending=read_ending(source.root),
     )
 
 

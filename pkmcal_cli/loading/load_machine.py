@@ -120,7 +120,7 @@ def load_parameters(model: Model, path: str | None) -> Start:
     read = read_parameters(path, model.parameters, model.fingerprint)
     for name, value in read.values.items():
         values[model.names.index(name)] = value
-    warnings = [] if read.status in (None, "converged") else [_status_text(path, read.status, read.accepted)]
+    warnings = list(read.ending.remarks(path))
     far = [p.name for p, v in zip(model.parameters, values, strict=True) if not p.bounds[0] <= v <= p.bounds[1]]
     warnings += [f"warning: {path}: parameters outside the bounds of the machine file: {', '.join(far)}"] if far else []
     warnings += (
@@ -129,15 +129,6 @@ def load_parameters(model: Model, path: str | None) -> Start:
     if not read.of_machine:
         warnings.append(f"note: {path}: no fingerprint: cannot check which machine these values belong to")
     return Start(values, {read.file: read.sha256}, tuple(warnings), read.covariance, read.evidence)
-
-
-def _status_text(path: str, status: str, accepted: tuple[str, ...]) -> str:
-    """What is to be said of a fit that did not end well, and was accepted or not, or that leaves more than noise."""
-    if status == "incomplete":
-        return f"note: {path}: incomplete: residuals exceed the stated noise (`pkmcal diagnose` looks for the cause)"
-    if accepted:
-        return f"note: {path}: implausible, but accepted: {'; '.join(accepted)}"
-    return f"warning: {path}: the fit ended with status `{status}`"
 
 
 def load_measurements(loaded: LoadedMachine, paths: Sequence[str]) -> Measurements:

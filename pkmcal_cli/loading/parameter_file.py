@@ -11,6 +11,7 @@ from pkmcal_cli import __version__
 from pkmcal_cli.base.errors import BadInput, FaultList, did_you_mean
 from pkmcal_cli.language.fingerprint import Fingerprint, read_fingerprint
 from pkmcal_cli.loading.data_information import DATA
+from pkmcal_cli.loading.ending import Ending, read_ending
 from pkmcal_cli.loading.evidence import MEASURED, UNEXPLAINED, Evidence, read_evidence
 from pkmcal_cli.loading.parameter_text import FINGERPRINT
 from pkmcal_cli.units.dimensions import Dimension
@@ -39,12 +40,11 @@ class ParameterFile:
 
     file: str
     values: Mapping[str, float]
-    status: str | None
+    ending: Ending
     sha256: str
     covariance: tuple[tuple[str, ...], Array] | None = None
     others: tuple[str, ...] = ()
     of_machine: bool = True
-    accepted: tuple[str, ...] = ()  # what was odd about the fit, and was accepted
     evidence: Evidence | None = None
 
 
@@ -71,8 +71,7 @@ def read_parameters(path: str, parameters: Sequence[ModelParameter], machine: Fi
     return ParameterFile(
         file=source.file,
         values=values,
-        status=_status(source.root.child("provenance")),
-        accepted=_accepted(source.root.child("provenance")),
+        ending=read_ending(source.root),
         sha256=source.sha256,
         covariance=_covariance(source.root.child("correlations"), known),
         others=others,
@@ -104,19 +103,6 @@ def _values(
         if value is not None:
             values[name] = value
     return values, tuple(others)
-
-
-def _status(provenance: SourceNode | None) -> str | None:
-    """How the fit ended that wrote the file."""
-    status = None if provenance is None else provenance.child("status")
-    return None if status is None else str(status.value)
-
-
-def _accepted(provenance: SourceNode | None) -> tuple[str, ...]:
-    """What was accepted of a fit that is not plausible."""
-    reasons = None if provenance is None else provenance.child("accepted")
-    plain = None if reasons is None else reasons.plain()
-    return tuple(str(reason) for reason in plain) if isinstance(plain, tuple) else ()
 
 
 def _is_of(machine: Fingerprint, tree: SourceMap) -> bool:

@@ -191,7 +191,11 @@ class ComparisonReport:
             "verdict": "no change" if self.unchanged else "changed" if t.dof else "nothing in common",
             "named": list(self.named),
             "files": [
-                {"file": k.file, "created": None if k.created is None else k.created.isoformat(), "status": k.status}
+                {
+                    "file": k.file,
+                    "created": None if k.created is None else k.created.isoformat(),
+                    "status": k.ending.status,
+                }
                 for k in self.known
             ],
             "test": {

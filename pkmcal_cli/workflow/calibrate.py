@@ -47,8 +47,7 @@ def run_calibration(request: CalibrationRequest) -> int:
 def _written(calibrated: Calibrated, limits: Sequence[Gate], to: Reporter) -> int:
     """Write what is asked for; the exit code. Raises OutputError."""
     s, report, request = calibrated.setting, calibrated.report, calibrated.setting.request
-    accepted = {"accepted": list(report.implausible)} if report.implausible and request.accept else {}
-    head = parameter_head(calibrated, **accepted)
+    head = parameter_head(calibrated)
     text = report.parameter_file(head)
     if request.output is not None:
         with write_text(request.output, s.inputs, force=request.force) as file:

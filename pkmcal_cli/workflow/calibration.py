@@ -27,6 +27,7 @@ from pkmcal_cli.gross_errors.hints import (
     rows_far_off,
     sample_at,
 )
+from pkmcal_cli.loading.ending import provenance_of_doubts
 from pkmcal_cli.loading.known_parameters import fitted_tables
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_measurements, load_parameters
 from pkmcal_cli.loading.poses import origin_of
@@ -223,7 +224,9 @@ def parameter_head(calibrated: Calibrated, **more: object) -> dict[str, Any]:
     """Provenance of the parameters of a calibration; more: what it says besides."""
     request = calibrated.setting.request
     how = {} if request.method == "exact" else {"method": request.method}
-    return provenance(calibrated.setting.inputs, seed=None, status=calibrated.report.status, **how, **more)
+    doubts = provenance_of_doubts(calibrated.report.implausible, request.accept)
+    status = calibrated.report.status
+    return provenance(calibrated.setting.inputs, seed=None, status=status, **how, **doubts, **more)
 
 
 def parameter_text(calibrated: Calibrated, **more: object) -> str:
@@ -238,7 +241,7 @@ def _after(
     earlier = earlier_calibration(
         problem.model, file, selected, request.select == "auto", request.loosen, start.values
     )
-    notes = tuple(f"note: {text}" for text in earlier.notes)
+    notes = (*earlier.known.ending.remarks(file), *(f"note: {text}" for text in earlier.notes))
     values = earlier.values if request.parameters is None else start.values
     start = replace(start, values=values, inputs=start.inputs | earlier.inputs, warnings=start.warnings + notes)
     return replace(problem, prior=earlier.prior), start, earlier

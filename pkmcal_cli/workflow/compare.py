@@ -15,7 +15,6 @@ from pkmcal_cli.base.errors import BadInput, Location, UsageError
 from pkmcal_cli.base.files import is_stream, sha256
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.comparison import Alone, Common, Omnibus, alone, changes, chosen_by_all, common, omnibus
-from pkmcal_cli.calibration.plausible import USABLE
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.loading.known_parameters import KnownParameters, known_parameters
 from pkmcal_cli.loading.plain_files import yaml_kind
@@ -256,10 +255,9 @@ def _times(known: Sequence[KnownParameters]) -> tuple[tuple[float, ...], str]:
 
 def _warnings(known: Sequence[KnownParameters]) -> list[str]:
     """Files that share rows, fits that did not end well, machines that differ."""
-    out = []
+    out: list[str] = []
     for i, one in enumerate(known):
-        if one.status is not None and one.status not in USABLE:
-            out.append(f"warning: {one.file}: the fit ended with status `{one.status}`")
+        out += one.ending.remarks(one.file)
         for other in known[i + 1 :]:
             tables = {d: n for n, d in one.inputs.items() if not n.endswith((".yaml", ".yml"))}
             if same := [tables[d] for d in other.inputs.values() if d in tables]:

@@ -21,6 +21,7 @@ from pkmcal_cli.calibration.unexplained import unexplained
 from pkmcal_cli.diagnosis.closed_loop import FAILURES, Improvement, improve
 from pkmcal_cli.diagnosis.rotations import FEWEST_TO_SPLIT
 from pkmcal_cli.gross_errors.hints import nothing_measured
+from pkmcal_cli.loading.ending import provenance_of_doubts
 from pkmcal_cli.loading.load_machine import LoadedMachine, load_measurements
 from pkmcal_cli.loading.poses import origin_of
 from pkmcal_cli.report.console import Reporter, emit_json, enveloped
@@ -273,8 +274,8 @@ def _write(
 
 def _head(request: ImproveRequest, inputs: dict[str, str], improved: Improved) -> dict[str, Any]:
     """Where the parameters come from, and whether they are to be believed."""
-    accepted = {"accepted": list(improved.odd)} if improved.odd and request.accept else {}
-    return provenance(inputs, seed=request.seed, status=improved.status, **accepted)
+    doubts = provenance_of_doubts(improved.odd, request.accept)
+    return provenance(inputs, seed=request.seed, status=improved.status, **doubts)
 
 
 def _base(machine: str, target: str) -> str:

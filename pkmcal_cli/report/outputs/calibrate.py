@@ -157,6 +157,7 @@ gates[].kept flag: whether the value is not above the limit
 provenance.seed~ integer?: null
 provenance.status text: as `status`
 provenance.method~ text: other than `exact`
-provenance.accepted~[] text: what is odd, with `--accept`
+provenance.implausible~[] text: as `implausible`, if there is any
+provenance.accepted~[] text: the same with `--accept`
 """,
 )

@@ -87,6 +87,7 @@ gates[].unit text:
 gates[].kept flag: whether the value is not above the limit
 provenance.seed integer: as given
 provenance.status text: how the fit with all that was accepted ended
-provenance.accepted~[] text: what is odd, with `--accept`
+provenance.implausible~[] text: as `implausible`, if there is any
+provenance.accepted~[] text: the same with `--accept`
 """,
 )
