@@ -38,6 +38,7 @@ NAMED = {
     "heldout.after": "KIND", "channels_before": "CHANNEL", "channels_after": "CHANNEL",
     "points[]": "COLUMN", "steps[].fit": "KIND", "steps[].choose": "KIND", "steps[].report": "KIND",
     "loads.slack.ropes": "ROPE", "uncertainty.noise": "INSTRUMENT", "uncertainty.ranges.factors": "KIND",
+    "uncertainty.overstated": "CHANNEL",
     "constants": "NAME", "errors": "KIND", "not_held": "COORDINATE", "export.remaining": "KIND", "outside": "COLUMN",
     "unexplained": "KIND",
     "effects[].far_off": "NAME", "effects[].worst.direction": "NAME", "detectable[].worst.direction": "NAME",
@@ -108,6 +109,17 @@ def write_gap(folder: Path) -> None:
     (folder / "gap.yaml").write_text(gap.replace("bars:", f"bars:\n{braces}"))
 
 
+def write_wrong(folder: Path) -> None:
+    """A machine with a wrong bench reading, one with a sigma far too large, and a table with a row that is far off."""
+    gauge = "gauge: {kind: bench, of: l1, reading: 300.5, sigma: 5 um}"
+    for name, sensors in (("gauge", gauge), ("coarse", "tracker: {sigma: 0.3 mm}")):
+        (folder / f"{name}.yaml").write_text(f"extends: {PLAIN}\nsensors: {{{sensors}}}\n")
+    lines = Path(PLAIN_DATA).read_text().splitlines()
+    cells = lines[10].split(",")
+    cells[-1] = str(float(cells[-1]) + 0.3)
+    (folder / "row.csv").write_text("\n".join([*lines[:10], ",".join(cells), *lines[11:], ""]))
+
+
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Machines, tables and parameter files of all these runs, made once."""
@@ -134,6 +146,7 @@ def write_all(folder: Path) -> None:
     for machine, table, name in ((PLAIN, PLAIN_DATA, "p.yaml"), (SCISSORS, SHOPFLOOR, "shop.params.yaml")):
         assert run("calibrate", machine, table, "-o", folder / name, "-q", "--force").code == 0
     write_ropes(folder)
+    write_wrong(folder)
     (folder / "apart.yaml").write_text(f"extends: {PLAIN}\nsensors: {{tracker: {{frame: fitted}}}}\n")
     (folder / "scaled.yaml").write_text(f"extends: {PLAIN}\neffects: {{scale@q1: {{s: {{identify: true}}}}}}\n")
     for name in ("apart", "scaled"):
@@ -174,6 +187,7 @@ def commands() -> dict[str, list[list[str]]]:
             [PLAIN, "one.csv", "--select", "l1", "--method", "linear"], accepted,
             [HANGPRINTER, HANGPRINTER_DATA, "--holdout", "5"], [f"{belts}.yaml", f"{belts}.csv", "--starts", "2"],
             ["ropes.yaml", "ropes.csv", "--select", "x1,x2,x3"], [PLAIN, PLAIN_DATA, "--fail-above", "chi2 2"],
+            ["gauge.yaml", "row.csv"], ["coarse.yaml", PLAIN_DATA],
         ],
         "compare": [["p.yaml", "scaled.params.yaml", "--fail-above", "change 1 m"], ["runs"], [PLAIN, "apart.yaml",
             PLAIN_DATA]],
@@ -192,7 +206,7 @@ def searches(folder: Path) -> dict[str, list[list[str]]]:
             [HANGPRINTER, HANGPRINTER_DATA], [HANGPRINTER, HANGPRINTER_DATA.replace("2021-12-16", "2022-04-12")],
             [SCISSORS, "shop.csv"], [SCISSORS, SHOPFLOOR.replace("-shopfloor", "")], odd_field(folder),
             growing_noise(folder), odd_shape(folder), [SCISSORS, "shop.csv", "--loss", "tukey"],
-            [*map(str, router(folder, 1))],
+            [*map(str, router(folder, 1))], ["gauge.yaml", PLAIN_DATA],
         ],
         "improve": [[SCISSORS, "shop.csv", "-o", "improved.yaml", "--loss", "tukey", "--fail-above", "chi2 2"]],
     }  # fmt: skip

@@ -221,7 +221,7 @@ def test_uncertainty_is_that_of_noise_and_of_offsets_together() -> None:
     budget = ErrorBudget(
         names=("a",), held=("b",), instruments=("gauge",), data=np.array([[[9e-12]]]), by_own=np.zeros((1, 1)),
         by_held=np.array([[4e-6]]), half_ranges=np.ones(2), scales=one,
-        counts=np.ones(1), worth=np.ones(1),
+        counts=np.ones(1), worth=np.ones(1), once=np.zeros(1, dtype=bool),
         share=HeldShare(("b",), np.ones(1), np.ones((1, 1, 1)), np.zeros((1, 1))),
     )  # fmt: skip
     assert budget.std == pytest.approx(5e-6, rel=1e-6)

@@ -37,8 +37,8 @@ class ErrorBudget:
 
     data (G, p, p): covariance by the noise of each of G instruments as stated; by_own (p, p), by_held (p, h): errors by
     offsets of half a range; half_ranges (p + h,); scales: of the offsets, identified ones first, and of the noise;
-    counts, worth (G,): readings of each instrument, and what its stated variance is worth; share: of the held ones in
-    the residuals.
+    counts, worth (G,): readings of each instrument, and what its stated variance is worth; once (G,): whether it has
+    measured on the bench, and so only once; share: of the held ones in the residuals.
     """
 
     names: tuple[str, ...]
@@ -52,6 +52,7 @@ class ErrorBudget:
     counts: Array
     worth: Array
     share: HeldShare
+    once: NDArray[np.bool_]
     known_by: str = "the ranges"  # what is known of identified parameters besides the data
 
     def _std(self, by_own: Array, by_held: Array) -> Array:
@@ -139,11 +140,7 @@ def held_parameters(problem: Problem, selected: tuple[str, ...], datum: tuple[st
 
 
 def error_budget(
-    problem: Problem,
-    fit: Fit,
-    held: tuple[str, ...] = (),
-    scales: Scales | None = None,
-    noise: float | None = None,
+    problem: Problem, fit: Fit, held: tuple[str, ...] = (), scales: Scales | None = None, noise: float | None = None
 ) -> ErrorBudget:
     """Of a fit that has ended. `scales`: known from elsewhere; noise: what all stated variances are multiplied by."""
     both, p = (*fit.selected, *held), len(fit.selected)
@@ -175,6 +172,7 @@ def error_budget(
         counts=groups.counts,
         worth=groups.freedom,
         share=held_share(held, said, gain, np.maximum(scales.typical[p:], 1.0)),
+        once=groups.once,
         known_by="the ranges" if prior is None or not prior.stated else "the prior",
     )
 
@@ -222,12 +220,16 @@ def _gain(spectrum: Directions, jacobian: Array, half: Array) -> Array:
 
 @dataclass(frozen=True)
 class _Instruments:
-    """Instruments that measured; whose each whitened residual (n,) is, -1 for what is no reading; equations (G,)."""
+    """Instruments that measured; whose each whitened residual (n,) is, -1 for what is no reading; equations (G,).
+
+    once (G,): whether on the bench.
+    """
 
     names: tuple[str, ...]
     group_of: NDArray[np.intp]
     counts: Array
     freedom: Array
+    once: NDArray[np.bool_]
 
 
 def _instruments(problem: Problem, channel: NDArray[np.intp]) -> _Instruments:
@@ -244,4 +246,6 @@ def _instruments(problem: Problem, channel: NDArray[np.intp]) -> _Instruments:
     counts = [sum(int(problem.measured[:, k].sum()) for k in used if of_channel[k] == g) for g in range(len(names))]
     worth = {channels[k].instrument: WORTH[channels[k].sigma_is] for k in used}
     group_of = np.array([*of_channel, -1], dtype=np.intp)[channel]
-    return _Instruments(names, group_of, np.array(counts), np.array([min(worth[n], common) for n in names]))
+    on_bench = {channels[k].instrument for k in problem.once}
+    once = np.array([n in on_bench for n in names], dtype=bool)
+    return _Instruments(names, group_of, np.array(counts), np.array([min(worth[n], common) for n in names]), once)

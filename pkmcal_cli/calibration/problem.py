@@ -28,7 +28,7 @@ class Problem:
     `measured` (N, C): cells with a number and a known sigma, the only ones that a fit uses. `prior`: what is known
     besides; `unseen`: singular value below which a direction is not seen; `weight` (N, C): of the whitened readings,
     by a robust fit, None for 1; `copies`: groups of rows that are the same to the last digit, of which the first alone
-    is measured; `method` of all predictions.
+    is measured; `left_out`: channels of what was measured once that are not used; `method` of all predictions.
     """
 
     model: Model
@@ -41,6 +41,7 @@ class Problem:
     unseen: float = UNSEEN
     weight: Array | None = None
     copies: tuple[tuple[int, ...], ...] = ()
+    left_out: tuple[int, ...] = ()
     method: Method = "exact"
 
     def __len__(self) -> int:
@@ -70,8 +71,8 @@ class Problem:
 
     @property
     def once(self) -> list[int]:
-        """Channels of what was measured once."""
-        return [k for k, c in enumerate(self.model.channels) if not np.isnan(c.once)]
+        """Channels of what was measured once, and is used."""
+        return [k for k, c in enumerate(self.model.channels) if not np.isnan(c.once) and k not in self.left_out]
 
     @property
     def joining(self) -> NDArray[np.intp]:
@@ -109,6 +110,15 @@ class Problem:
             measured[np.ix_(gone[self.rows.partner], self.joining)] = False
         part = replace(self, measured=measured)
         return usable(part) if self.measured[:, self.once].any() else part
+
+    def leaving_out(self, channels: Collection[int]) -> Problem:
+        """The same table without what was measured once of these channels alone: all others of that kind are used."""
+        left_out = tuple(sorted(channels))
+        if left_out == self.left_out:
+            return self
+        gone, readings, measured = list({*left_out, *self.left_out}), self.readings.copy(), self.measured.copy()
+        readings[:, gone], measured[:, gone] = np.nan, False
+        return usable(replace(self, readings=readings, measured=measured, left_out=left_out))
 
     def take(self, rows: NDArray[np.intp]) -> Problem:
         """Some rows; what joins them to others is lost, what was measured once stays."""

@@ -87,11 +87,12 @@ def weights_of(loss: Loss, deviation: Array) -> Array:
 
 
 def without_weight(problem: Problem, rows: Collection[int]) -> Problem:
-    """The problem in which some rows hardly count."""
+    """The problem in which some rows hardly count, but for what was measured on the bench."""
     if not rows:
         return problem
     weight = np.ones_like(problem.readings)
     weight[list(rows)] = _LEAST
+    weight[:, problem.once] = 1.0
     return replace(problem, weight=weight)
 
 

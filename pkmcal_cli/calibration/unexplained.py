@@ -35,7 +35,8 @@ def unexplained(fit: Fit, budget: ErrorBudget, robust: RobustFit | None = None) 
 
     The ratio of the residuals' mean square to the stated variance, F-distributed with the degrees of freedom that are
     left and those that the statement is worth (`error_budget.WORTH`); each of G instruments at 1/G of the level.
-    robust: how the fit came about, where rows that a loss does without are not to count.
+    robust: how the fit came about, where rows that a loss does without are not to count. What was measured on the bench
+    is another test's (`bench_readings`): the fit follows a single reading, so its residual tells little.
     """
     count = float(budget.counts.sum())
     if fit.status != "converged" or fit.dof <= 0 or not count:
@@ -49,7 +50,7 @@ def unexplained(fit: Fit, budget: ErrorBudget, robust: RobustFit | None = None) 
     level = np.array([_BEYOND_NOISE, _BEYOND_DOUBT]) / len(budget.instruments)
     worth = np.minimum(budget.worth, 1e9)
     beyond = (chdtrc(freedom, ratio * freedom) < level[0]) & (fdtrc(freedom, worth, ratio) < level[1])
-    beyond &= budget.counts > 0
+    beyond &= (budget.counts > 0) & ~budget.once
     return tuple(Unexplained(budget.instruments[g], float(np.sqrt(ratio[g]))) for g in np.nonzero(beyond)[0])
 
 

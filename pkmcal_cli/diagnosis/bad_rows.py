@@ -1,4 +1,5 @@
-"""Rows that are wrong on their own: taken out before a search, put back where effects explain them after all."""
+"""Rows that are wrong on their own, and such readings of the bench: taken out before a search, put back where effects
+explain them after all."""
 
 from __future__ import annotations
 
@@ -6,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pkmcal_cli.calibration.bench_readings import BenchReading, bench_readings
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem, usable
 from pkmcal_cli.diagnosis.alpha import Alpha
@@ -20,31 +22,79 @@ _ORDINARY = 0.01  # p value above which a row that was taken out is put back
 
 
 def without_gross_rows(search: Search, parts: Alpha, seed: int) -> Search:
-    """The search without rows that are beyond all noise, unless one effect explains nearly all that several are off by.
+    """The search without rows that are beyond all noise, and without readings of the bench that the others contradict.
 
-    One row proves no effect: a misread drive moves along what every effect of this drive does.
+    Unless one effect explains nearly all that several are off by. One proves no effect: a misread drive moves along
+    what every effect of this drive does.
     """
-    begin, states = search.start, search.fit.before.start
+    begin, states, once = search.start, search.fit.before.start, search.problem.once
     rows, fit = gross_rows(search.problem, search.declared, parts.rows, seed, start=begin, states=states)
-    if fit is None:
-        return search
-    if len(rows) > 1 and _of_one_cause(search, rows, fit):
-        return search
+    table = replace(search, problem=search.problem.leaving_out(once))
+    if fit is not None and len(rows) > 1:
+        values = int(table.problem.measured[list(rows)].sum())
+        rows, fit = ((), None) if _of_one_cause(table, fit, values) else (rows, fit)
+    if once:
+        return _without_readings(search, recalibrated(table) if fit is None else _of_others(table, rows, fit), parts)
+    return search if fit is None else _of_others(search, rows, fit)
+
+
+def _of_others(search: Search, rows: Rows, fit: Fit) -> Search:
+    """The search without some rows; fit: of the others."""
     failed = {**search.failed, **fit.failed}
     return replace(search, problem=search.problem.without((*rows, *fit.failed)), fit=fit, bad_rows=rows, failed=failed)
 
 
-def _of_one_cause(search: Search, rows: Rows, others: Fit) -> bool:
-    """Whether one effect explains nearly all that rows are off by the fit of the others."""
+def _without_readings(search: Search, table: Search, parts: Alpha) -> Search:
+    """The search without rows that are wrong in its table, and without readings of the bench that it contradicts.
+
+    table: the search by rows alone, without any reading of the bench.
+    """
+    every = replace(table, problem=table.problem.leaving_out(search.problem.left_out))
+    readings = bench_readings(every.problem, table.fit)
+    bad = [r.channel for r in readings if r.p_value < parts.rows / len(readings)]
+    if len(bad) > 1 and _of_one_cause(every, table.fit, len(bad)):
+        bad = []
+    if not bad and not table.bad_rows:
+        return search
+    return recalibrated(replace(every, problem=every.problem.leaving_out((*search.problem.left_out, *bad))))
+
+
+def _of_one_cause(search: Search, others: Fit, values: int) -> bool:
+    """Whether one effect explains nearly all that so many values are off by the fit of the others."""
     whole = score_all(replace(search, fit=others), search.candidates.hypotheses)
     off = whole.linear.chi2 - others.chi2
-    values = int(search.problem.measured[list(rows)].sum())
-    few = [s.statistic for s in whole.scores if 2 * s.count <= values]  # as many numbers explain any rows
+    few = [s.statistic for s in whole.scores if 2 * s.count <= values]  # as many numbers explain any values
     return max(few, default=0.0) > _KINSHIP * off
 
 
 def restored(search: Search) -> Search:
-    """The search with rows put back that the accepted effects explain after all, each judged by the good ones."""
+    """The search with rows and readings of the bench put back that the accepted effects explain after all."""
+    return _restored_rows(_restored_readings(search))
+
+
+def left_out_readings(search: Search) -> tuple[BenchReading, ...]:
+    """Readings of the bench that were taken out, against the fit."""
+    used = search.problem.once
+    return bench_readings(search.problem.leaving_out(used), search.fit)
+
+
+def _restored_readings(search: Search) -> Search:
+    bad = [r.channel for r in left_out_readings(search) if r.p_value <= _ORDINARY]
+    if len(bad) == len(search.problem.left_out):
+        return search
+    return recalibrated(replace(search, problem=search.problem.leaving_out(bad)))
+
+
+def cleared(every: Search, start: Search, search: Search) -> Search:
+    """All rows but those that a search has taken out, without any effect; start: the search when it began."""
+    if (start.bad_rows, start.problem.left_out) == (search.bad_rows, search.problem.left_out):
+        return start
+    problem = every.problem.without(search.bad_rows).leaving_out(search.problem.left_out)
+    return recalibrated(replace(every, problem=problem, bad_rows=search.bad_rows))
+
+
+def _restored_rows(search: Search) -> Search:
+    """Rows are put back each as the good ones judge it."""
     if not search.bad_rows:
         return search
     scale = score_all(search, ()).scale

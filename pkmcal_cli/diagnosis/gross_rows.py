@@ -48,13 +48,13 @@ def gross_rows(
     states: WarmStart | None = None,
     most: float = MOST,
 ) -> tuple[Rows, Fit | None]:
-    """Rows that are beyond all noise, at a chance of alpha for the whole table, and the fit of the others.
+    """Rows that are beyond all noise, at a chance of alpha for the whole table, and the fit of the others, no bench.
 
     least: standard deviations, as the others scatter, that they are off at least. start (P,): values, SI, that fits
     begin with and that held parameters have; default: nominal. states: of the rows there. most: share of a larger table
     that may be gross; more is an effect.
     """
-    begin = problem.model.nominal if start is None else start
+    problem, begin = problem.leaving_out(problem.once), problem.model.nominal if start is None else start
     values, fit = begin, None
     gross: Rows = ()
     for _ in range(_ROUNDS):

@@ -22,17 +22,9 @@ from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate, linearise, lost_rows, predicted_part
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
+from pkmcal_cli.diagnosis.memory import Memory
 from pkmcal_cli.diagnosis.score import KEPT, Score, projected_out, score_in, scores_among
 from pkmcal_cli.prediction import WarmStart
-
-
-@dataclass(frozen=True)
-class Memory:
-    """Noise of which successive rows, in this order (N,), are correlated: x <- (x - rho x before) / sqrt(1 - rho^2)."""
-
-    order: NDArray[np.intp]
-    correlation: float
-    measured: NDArray[np.bool_]  # (N, C); a value after one that is missing stays as it is
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,12 +45,21 @@ class Linear:
     memory: Memory | None = None  # by which successive rows were alike
     measured: NDArray[np.bool_] | None = None  # (N, C) values that take part: measured, and predicted; None for all
     known: tuple[Array, Array] | None = None  # besides the values: errors (k,) and columns (k, q) of what is known
+    once: tuple[int, ...] = ()  # channels of what was measured once, on the bench
 
     @cached_property
     def on(self) -> NDArray[np.bool_]:
         """Values (N, C) that take part."""
         shape = len(self.residual) // self.channels, self.channels
         return np.ones(shape, dtype=bool) if self.measured is None else self.measured
+
+    @cached_property
+    def pieces(self) -> NDArray[np.intp]:
+        """What each value (N, C) is part of: its row; measured on the bench, a piece numbered after rows."""
+        rows, channels = self.on.shape
+        out = np.tile(np.arange(rows)[:, None], (1, channels))
+        out[:, list(self.once)] = rows + np.arange(len(self.once))
+        return out
 
     @cached_property
     def spectrum(self) -> Directions:
@@ -161,13 +162,14 @@ class Linear:
         """The same with further columns (n, k), whitened, projected out."""
         return self.projecting(self.projected, columns if self.extra is None else np.hstack([self.extra, columns]))
 
-    def without_rows(self, rows: Sequence[int]) -> Linear:
-        """The same with some rows projected out besides, each a free shift of its readings."""
-        if not len(rows):
+    def without(self, pieces: Sequence[int]) -> Linear:
+        """The same with some `pieces` projected out besides, each a free shift of its readings."""
+        if not len(pieces):
             return self
-        shifts = np.zeros((*self.on.shape, len(rows), self.channels))
-        for k, row in enumerate(rows):
-            shifts[row, :, k] = np.eye(self.channels)
+        shifts = np.zeros((*self.on.shape, len(pieces), self.channels))
+        for k, piece in enumerate(pieces):
+            rows, channels = np.nonzero(self.pieces == piece)
+            shifts[rows, channels, k, channels] = 1.0
         return self.besides(self.whitened(shifts.reshape(self.on.size, -1)))
 
     def _taking_part(self, x: Array) -> Array:
@@ -296,4 +298,5 @@ def linear_problem(
         channels=channels,
         measured=part.measured,
         known=(errors, known * half) if len(errors) else None,
+        once=tuple(part.once),
     )

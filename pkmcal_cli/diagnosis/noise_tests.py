@@ -14,7 +14,8 @@ from pkmcal_cli.calibration.holdout import replicate_groups
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.groups import POSE, TEMPERATURE, TIME, group_columns
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.linear import Linear, Memory
+from pkmcal_cli.diagnosis.linear import Linear
+from pkmcal_cli.diagnosis.memory import Memory
 from pkmcal_cli.diagnosis.outlying_rows import Tails
 from pkmcal_cli.diagnosis.scale import Scale
 from pkmcal_cli.diagnosis.score import log_evidence
@@ -74,9 +75,9 @@ def _of_few(linear: Linear) -> Scale:
 
 
 def without_odd_row(linear: Linear) -> Linear:
-    """The problem with the row projected out that has most of chi-square, if that is most of it; else itself."""
-    worst = int(np.argmax((linear.unexplained.reshape(linear.on.shape) ** 2).sum(axis=1)))
-    without = linear.without_rows([worst])
+    """The problem with the piece projected out that has most of chi-square, if that is most of it; else itself."""
+    worst = int(np.argmax(np.bincount(linear.pieces.ravel(), linear.unexplained**2)))
+    without = linear.without([worst])
     return without if without.chi2 < _MOSTLY * linear.chi2 else linear
 
 

@@ -33,13 +33,18 @@ class RowScores:
 
 
 def row_scores(linear: Linear, measured: NDArray[np.bool_], scale: Scale) -> RowScores:
-    """Scores of all rows; p values by heavy tails where the other rows have them."""
-    residual = linear.unexplained.reshape(measured.shape)
+    """Scores of all rows, by what is measured in them (N, C), but for what stands in one and was measured on the bench.
+
+    P values by heavy tails where the other rows have them.
+    """
+    measured = measured.copy()
+    measured[:, list(linear.once)] = False
+    residual = np.where(measured, linear.unexplained.reshape(measured.shape), 0.0)
     a, factor = linear._factor
     from scipy.linalg import cho_solve
 
-    blocks = a.reshape(*measured.shape, -1)
-    spread = cho_solve(factor, a.T).T.reshape(blocks.shape) if a.shape[1] else blocks
+    blocks = np.where(measured[..., None], a.reshape(*measured.shape, -1), 0.0)
+    spread = cho_solve(factor, blocks.reshape(a.shape).T).T.reshape(blocks.shape) if a.shape[1] else blocks
     information = np.eye(measured.shape[1]) * measured[:, :, None] - np.einsum("nck,ndk->ncd", blocks, spread)
     information += np.eye(measured.shape[1]) * ~measured[:, :, None]
     clear = np.linalg.eigvalsh(information)[:, 0] > 1e-3  # else one row alone holds a parameter
@@ -50,7 +55,7 @@ def row_scores(linear: Linear, measured: NDArray[np.bool_], scale: Scale) -> Row
     p[count == 0] = 1.0
     odd = np.nonzero(p < _ODD_CHANCE / len(p))[0]
     odd = odd[np.argsort(p[odd], kind="stable")][: max(int(MOST * len(p)), 1)]
-    others = linear.without_rows([int(row) for row in odd])
+    others = linear.without([int(row) for row in odd])
     variance = _by_others(scale, others)
     within = measured & clear[:, None]
     within[odd] = False

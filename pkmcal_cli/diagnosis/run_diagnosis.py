@@ -6,21 +6,27 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
-import numpy as np
-
 from pkmcal_cli.base.stages import Observer, Stage, unobserved
+from pkmcal_cli.calibration.bench_readings import BenchReading
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import reasons
 from pkmcal_cli.calibration.robust import Loss, RobustFit, normal_figures
 from pkmcal_cli.diagnosis.all_in_time import as_unknown, beside, in_time, without_imitations
 from pkmcal_cli.diagnosis.alpha import Alpha
-from pkmcal_cli.diagnosis.bad_rows import restored, suspected_rows, with_rows, without_gross_rows
+from pkmcal_cli.diagnosis.bad_rows import (
+    cleared,
+    left_out_readings,
+    restored,
+    suspected_rows,
+    with_rows,
+    without_gross_rows,
+)
 from pkmcal_cli.diagnosis.exchanges import swapped
 from pkmcal_cli.diagnosis.far_causes import with_far_causes
 from pkmcal_cli.diagnosis.findings import Finding, findings_of, sizes_seen
 from pkmcal_cli.diagnosis.first_fit import calibrated
-from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates, Hypothesis
+from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear
 from pkmcal_cli.diagnosis.local import local_effects
 from pkmcal_cli.diagnosis.model_discrepancy import discrepancy_columns
@@ -30,6 +36,7 @@ from pkmcal_cli.diagnosis.noise_tests import chance_of_noise
 from pkmcal_cli.diagnosis.refine import confirmed_only, rivals_of
 from pkmcal_cli.diagnosis.refuted import refuted_causes
 from pkmcal_cli.diagnosis.robust_weights import ROUNDS, weighed
+from pkmcal_cli.diagnosis.same_as import same_as_parameters
 from pkmcal_cli.diagnosis.scale import Scale
 from pkmcal_cli.diagnosis.scoring import Scored, Search, score_all
 from pkmcal_cli.diagnosis.search import run_search
@@ -41,7 +48,6 @@ from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes
 from pkmcal_cli.prediction import fixed_smoothing
 
 Verdict = Literal["clean", "found", "ambiguous", "unknown", "measurement_fault", "sigma_too_small"]
-_SAME = 0.99999  # cosine at which an effect is another name for a parameter
 _SHAPES = 2  # displacements without a name, at most
 _TOO_MUCH = 1e-3  # chance of a residual so large, of noise as it is stated, at which nothing is called clean
 
@@ -52,7 +58,9 @@ class Diagnosis:
 
     verdict: Verdict
     problem: Problem  # with the bad rows taken out
-    before: Fit
+    before: Fit  # of all rows, bad ones too
+    cleared: Fit  # the same without bad rows; still without effects
+    bad_readings: tuple[BenchReading, ...]  # of the bench, not used, against the fit with what was found
     search: Search
     findings: tuple[Finding, ...]
     shapes: tuple[ShapeFinding, ...]  # displacements without a name; the first of what is unknown
@@ -64,7 +72,7 @@ class Diagnosis:
     correlation: float  # of successive rows' noise; 0 where they are independent
     same: dict[str, str]  # effects that are another name for a parameter, and its name
     suspected: dict[int, float]  # rows that are used but may be wrong, and the chance that any good one is as far off
-    p_global: float
+    p_global: float  # of the residuals of `cleared`
     seed: int
     weighed: RobustFit | None = None  # by which values were weighed
     mistakes: tuple[str, ...] = ()  # of the table, which was put right before
@@ -148,11 +156,14 @@ def _diagnosis(
     shapes = shape_findings(search, last)
     unknown = (*(s.unknown for s in shapes), *unknown)
     findings = findings_of(search, last, bool(unknown), options)
-    whole = first.linear if not begun.start.bad_rows else score_all(begun.every, ()).linear
+    good = cleared(begun.every, begun.start, search)
+    whole = first.linear if good is begun.start else score_all(good, ()).linear
     return Diagnosis(
-        verdict=_verdict(findings, unknown, bool(search.bad_rows), last.linear),
+        verdict=_verdict(findings, unknown, bool(search.bad_rows or search.problem.left_out), last.linear),
         problem=replace(search.problem, model=begun.start.problem.model, prior=begun.start.problem.prior),
         before=begun.every.fit,
+        cleared=good.fit,
+        bad_readings=left_out_readings(search),
         search=search,
         findings=findings,
         shapes=shapes,
@@ -209,7 +220,7 @@ def _begun(candidates: Candidates, problem: Problem, selected: tuple[str, ...], 
     options.observe(Stage("gross rows"))
     start = without_gross_rows(every, options.parts, options.seed)
     first = score_all(start, [h.whole for h in candidates.hypotheses])
-    same = _same_as_parameters(first)
+    same = same_as_parameters(first)
     candidates = replace(candidates, hypotheses=tuple(h for h in candidates.hypotheses if h.name not in same))
     return _Begun(every=every, start=replace(start, candidates=candidates), first=first, same=same)
 
@@ -269,23 +280,6 @@ def _unknown(search: Search, last: Scored, parts: Alpha) -> list[Unknown]:
     extra = discrepancy_columns(search.problem, search.fit, search.accepted, search.known)
     shaped = last.linear.besides(last.linear.whitened(extra))
     return unknown_effects(shaped, search.problem, last.scale, parts.groups, search.bad_rows)
-
-
-def _same_as_parameters(first: Scored) -> dict[str, str]:
-    """Effects whose signature is that of a parameter that is held, by name; they are reported under the parameter."""
-    free = {}
-    for h, s in zip(first.hypotheses, first.scores, strict=True):
-        if s.count == 1 and len(h.parameters) == 1:
-            column = first.linear.free(first.linear.of(h.parameters))[:, 0]
-            free[h.name] = (h, column / np.sqrt(column @ column))
-    releases = [(name, column) for name, (h, column) in free.items() if h.effect == RELEASE]
-    return {
-        name: other
-        for name, (h, column) in free.items()
-        if h.effect != RELEASE
-        for other, of_release in releases
-        if abs(float(column @ of_release)) > _SAME
-    }
 
 
 def _verdict(findings: tuple[Finding, ...], unknown: tuple[Unknown, ...], measurement: bool, last: Linear) -> Verdict:

@@ -162,11 +162,14 @@ def _is_discrepancy(search: Search, scored: Scored, best: int) -> bool:
 
 
 def stands_on_one_row(scored: Scored, k: int) -> bool:
-    """Whether a hypothesis is nothing without the row that speaks most for it: then the row is odd, not the machine."""
+    """Whether a hypothesis is nothing without the row that speaks most for it: then the row is odd, not the machine.
+
+    Or without a reading of the bench.
+    """
     linear, score = scored.linear, scored.scores[k]
     signature = linear.tested(scored.hypotheses[k]) @ score.estimate
-    row = int(np.argmax((signature * linear.unexplained).reshape(linear.on.shape).sum(axis=1)))
-    return scored.scale.p_of(linear.without_rows([row]).score_of(scored.hypotheses[k])) > _ODD_ROW
+    piece = int(np.argmax(np.bincount(linear.pieces.ravel(), signature * linear.unexplained)))
+    return scored.scale.p_of(linear.without([piece]).score_of(scored.hypotheses[k])) > _ODD_ROW
 
 
 def _bad_rows(search: Search, scored: Scored, alpha: Alpha) -> NDArray[np.intp]:

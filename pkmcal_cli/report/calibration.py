@@ -7,11 +7,9 @@ from collections.abc import Callable
 from dataclasses import asdict, replace
 from typing import Any
 
-import numpy as np
-
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.complete_fit import Calibration
-from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figures
+from pkmcal_cli.calibration.errors_before_after import error_figures
 from pkmcal_cli.calibration.holdout import HeldOut
 from pkmcal_cli.calibration.identifiability import Combination, combinations
 from pkmcal_cli.calibration.plausible import USABLE, implausible_residuals, implausible_rows, implausible_values
@@ -27,11 +25,12 @@ from pkmcal_cli.report.audit import Audit
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.evidence import evidence_of
 from pkmcal_cli.report.failed_rows import FailedRows
-from pkmcal_cli.report.figures import figure_unit, figures_json, kind_label
+from pkmcal_cli.report.figures import criterion_text, figure_unit, figures_json, kind_label
 from pkmcal_cli.report.heldout_json import heldout_json
 from pkmcal_cli.report.joint_uncertainty import correlations, data_lines
 from pkmcal_cli.report.loads import Loads
-from pkmcal_cli.report.number_format import finite, readable, to_digits, uncertain, unknown
+from pkmcal_cli.report.number_format import finite, readable, uncertain, unknown
+from pkmcal_cli.report.odd_readings import OddReadings
 from pkmcal_cli.report.parameters import (
     ParameterRow,
     combination_json,
@@ -51,7 +50,6 @@ from pkmcal_cli.report.uncertainty_remarks import (
 
 _WEAK, _MEMBERS = 3, 8  # weak combinations that are told one by one, if they have so few members
 _WORTH = 0.3  # share of the uncertainty by data from which on what is held has a column
-_FAR = 5.0  # ranges off nominal from which on a value is worth a word
 
 
 class CalibrationReport:
@@ -64,10 +62,12 @@ class CalibrationReport:
         calibration: Calibration,
         held_out: HeldOut | str,
         row_origin: Callable[[int], RowOrigin],
+        odd: OddReadings,
+        *,
         mistakes: tuple[str, ...] = (),
     ) -> None:
         fit, intervals = calibration.robust.fit, calibration.intervals
-        self.calibration = calibration
+        self.calibration, self.odd = calibration, odd
         self.machine, self.model, self.fit, self.held_out = machine, problem.model, fit, held_out
         self.audit, self.intervals = Audit(problem.model, calibration.robust, row_origin), intervals
         problem = problem.without(fit.failed)
@@ -78,7 +78,9 @@ class CalibrationReport:
         implausible += implausible_rows(fit)
         self.implausible = (*mistakes, *implausible) if fit.status == "converged" else ()
         more = unexplained(fit, self.budget, calibration.robust)
-        self.incomplete = () if self.implausible else tuple(each.text for each in more)
+        heavy = odd.bench if calibration.robust.loss == "squares" else ()  # a robust loss does without them
+        reasons = (*(each.text for each in more), *(each.text for each in heavy))
+        self.incomplete = reasons if fit.status == "converged" and not self.implausible else ()
         self.rows = parameter_rows(self.model, fit, intervals, self.budget, self.ranges.far)
         self.failed = FailedRows(fit.failed, row_origin, len(problem))
         self.slipped = lost_rows(problem, fit.after)  # predicted only with errors of the drives: no error is told
@@ -117,8 +119,9 @@ class CalibrationReport:
             "chi2": finite(self.fit.chi2),
             "degrees_of_freedom": self.fit.dof,
             "chi2_per_dof": finite(self.fit.chi2_per_dof),
-            "uncertainty": uncertainty_json(self.fit, self.budget, self.ranges, self.intervals),
-            "outliers": self.audit.json(),
+            "uncertainty": uncertainty_json(self.fit, self.budget, self.ranges, self.intervals)
+            | {"overstated": dict(self.odd.overstated)},
+            **({"outliers": self.audit.json()} | self.odd.json()),
             "datum": None if self.calibration.datum is None else list(self.calibration.datum.held),
             "gauge": [] if self.calibration.datum is None else list(self.calibration.datum.gauge.motions),
             "starts": None if self.calibration.agreement is None else asdict(self.calibration.agreement),
@@ -148,7 +151,7 @@ class CalibrationReport:
             to.say(held_text(self.budget))
         if self.ranges.doubtful:
             to.say(ranges_text(self.ranges))
-        if far := [f"{r.name} ({abs(r.value - r.nominal) / r.range:.1f})" for r in selected if _far(r)]:
+        if far := [f"{r.name} ({abs(r.value - r.nominal) / r.range:.1f})" for r in selected if r.far]:
             hint = "check for a wrong unit, a missing effect or a local minimum (`--starts 10` tries other starts)"
             to.warn(f"warning: far from nominal (in ranges): {', '.join(far)}; {hint}")
         to.say()
@@ -158,7 +161,7 @@ class CalibrationReport:
         if self.fit.kinked:
             rows = f"{len(self.fit.kinked)} of {count(self.n_rows, 'row')}"
             to.warn(f"warning: in {rows} a rope is taut or slack (within 2 std): the intervals do not hold")
-        self.audit.show(to)
+        self.audit.show(to, advised=bool(self.odd.rows))
         show_replicates(to, self.replicates)
 
     def _show_parameters(self, to: Reporter, selected: list[ParameterRow]) -> None:
@@ -223,7 +226,7 @@ class CalibrationReport:
                 figures = self.held_out.after[kind]
                 held = (readable(figures.rms, unit), readable(figures.largest, unit))
             pairs = (before.rms, after.rms, before.largest, after.largest)
-            criteria = (_criterion(f, unit.scale, unit.text) for f in (before, after))
+            criteria = (criterion_text(f, unit) for f in (before, after))
             label = kind_label(self.model, kind)
             rows.append((label, *(readable(x, unit) for x in pairs), *held, *criteria))
         headers = (
@@ -278,12 +281,3 @@ class CalibrationReport:
         joint = correlations(self.model, self.budget)
         data = data_lines(self.model, self.weighed, self.fit, self.budget)
         return dump_parameters(entries, joint, provenance, self.model.fingerprint, seen, data)
-
-
-def _far(row: ParameterRow) -> bool:
-    """Whether a value is further off than anybody believed."""
-    return abs(row.value - row.nominal) > _FAR * row.range
-
-
-def _criterion(figures: ErrorFigures, scale: float, unit: str) -> str:
-    return "-" if np.isnan(figures.criterion) else f"{to_digits(figures.criterion / scale**2, 4)} {unit}^2"

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from pkmcal_cli.base.plural import count
-from pkmcal_cli.calibration.errors_before_after import error_figures
 from pkmcal_cli.diagnosis.experiment_design import ALIKE
 from pkmcal_cli.diagnosis.findings import Finding
 from pkmcal_cli.diagnosis.groups import POSE
@@ -21,7 +19,8 @@ from pkmcal_cli.effects import catalogue
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.diagnosis_json import DiagnosisJson
 from pkmcal_cli.report.noise_text import growth_text
-from pkmcal_cli.report.number_format import handy, readable
+from pkmcal_cli.report.number_format import handy
+from pkmcal_cli.report.residual_text import ResidualText
 from pkmcal_cli.report.sentences import cause_effect_action, command, listed, tested_alone, unknown_sentence
 from pkmcal_cli.report.shape_text import ShapeText
 from pkmcal_cli.report.visibility import VisibilityReport
@@ -33,9 +32,6 @@ _LIKE_NOISE = "no effect found; sigma is too small, or the missing effect looks 
 _FAR = " Its size is far beyond the plausible range."
 _NOT_AMONG = "no effect found among those tested; sigma is too small, or another effect is missing"
 _BEYOND = "an effect explains the residuals, but its size is implausible; the true cause may be another"
-_SMALLEST = 1e-12  # p value that is told as a number
-_LARGER = 1.5  # times the stated noise: from which on residuals are called larger
-_MANY, _TOO_SMALL = 20, 0.25  # degrees of freedom, and chi-square for each of them: less is no noise of this sigma
 
 
 class DiagnosisReport(VisibilityReport):
@@ -76,6 +72,8 @@ class DiagnosisReport(VisibilityReport):
         instrument = [f for f in self.diagnosis.findings if f.hypothesis.measurement]
         self._show_table(to, "Causes", machine)
         self._show_table(to, "Check the measurement first", instrument)
+        for reading in self.bad_readings:
+            to.say(f"bad reading: {reading.text}: not used; measure it again")
         for row in self.diagnosis.bad_rows:
             to.say(f"bad row: {self.measured.row_origin(row)}: not used; repeat this pose")
         for row, chance in self.diagnosis.suspected.items():
@@ -85,9 +83,6 @@ class DiagnosisReport(VisibilityReport):
     def verdict_line(self) -> str:
         """What the data say; in a second line, by which figures."""
         diagnosis = self.diagnosis
-        ratio = float(np.sqrt(diagnosis.before.chi2 / max(diagnosis.before.dof, 1)))
-        both = self._rms(), self.sigma
-        rms_text, sigma_text = (readable(x, self.error_unit, like=max(both)) for x in both)
         depends = ", ".join(dict.fromkeys(u.depends_on for u in diagnosis.unknown))
         words = {
             "clean": "the residuals agree with the stated noise",
@@ -99,12 +94,9 @@ class DiagnosisReport(VisibilityReport):
             "unknown": f"unknown; depends on {depends}, and matches no effect {_of(self.only)}{self._nameless()}",
             "measurement_fault": "the measurement is at fault",
         }
-        scale = f"{ratio:.3g} times {'larger than ' if ratio >= _LARGER else ''}the stated noise"
-        return (
-            f"diagnosis: {self._provisional()}{words[diagnosis.verdict]}{self._mistakes()}{tested_alone(self.only)}\n"
-            f"The residuals after calibration are {scale}: {rms_text} rms "
-            f"(sigma {sigma_text}{self._doubt_of_sigma()}, {self._chance()})."
-        )
+        residuals = ResidualText(diagnosis, self.sigma, self.error_unit).text
+        what = f"{words[diagnosis.verdict]}{self._mistakes()}{tested_alone(self.only)}"
+        return f"diagnosis: {self._provisional()}{what}\n{residuals}"
 
     def _mistakes(self) -> str:
         """Columns of the table that were put right."""
@@ -117,17 +109,6 @@ class DiagnosisReport(VisibilityReport):
     def only(self) -> tuple[str, ...] | None:
         """What alone was tested; None where all was."""
         return self.diagnosis.search.candidates.only
-
-    def _chance(self) -> str:
-        """The p value on which the verdict rests: of the sum of squares, or of an effect's shape where that is less.
-
-        A small effect that many readings share changes their sum of squares by less than chance does.
-        """
-        chance, by = self.diagnosis.p_global, ""
-        best = min(self.diagnosis.findings, key=lambda f: f.p_value, default=None)
-        if best is not None and best.p_value < chance:
-            chance, by = best.p_value, f" by the shape of {best.hypothesis.name}"
-        return f"p {chance:.1g}{by}" if chance > _SMALLEST else "p < 1e-12"
 
     def _nameless(self) -> str:
         """Displacements without a name, and steps in time, that stand for what is unknown."""
@@ -144,22 +125,6 @@ class DiagnosisReport(VisibilityReport):
         """That something found is provisional, first of all; what is unknown says so by itself."""
         known = self.diagnosis.verdict != "unknown"
         return "provisional: " if known and any(f.provisional for f in self.diagnosis.findings) else ""
-
-    def _rms(self) -> float:
-        """Root mean square error after calibration, bad rows included: of positions where they are measured, SI."""
-        problem = self.diagnosis.problem
-        there = self.diagnosis.before.after
-        measured = ~np.isnan(problem.readings) & ~np.isnan(problem.sigma) & np.isfinite(there.residual)
-        kinds = error_figures(replace(problem, measured=measured), there)
-        return kinds["position"].rms if "position" in kinds else next(iter(kinds.values())).rms
-
-    def _doubt_of_sigma(self) -> str:
-        """What the residual says of the stated sigma, where they differ much."""
-        diagnosis = self.diagnosis
-        if diagnosis.scale.doubted:
-            return f", noise estimated as {np.sqrt(diagnosis.scale.variance):.3g} times sigma"
-        after = diagnosis.search.fit
-        return ", which is too large" if after.dof >= _MANY and after.chi2_per_dof < _TOO_SMALL else ""
 
     def _show_table(self, to: Reporter, title: str, findings: Sequence[Finding]) -> None:
         if not findings:

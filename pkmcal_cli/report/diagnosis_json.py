@@ -31,11 +31,12 @@ class DiagnosisJson(DiagnosisValues):
             "sigma_factor": float(np.sqrt(diagnosis.scale.variance)),
             "noise_correlation": diagnosis.correlation,
             "noise_models": [_growth_json(n) for n in diagnosis.noise],
-            "chi2_per_dof_before": finite(diagnosis.before.chi2_per_dof),
+            "chi2_per_dof_before": finite(diagnosis.cleared.chi2_per_dof),
             "chi2_per_dof_after": finite(diagnosis.search.fit.chi2_per_dof),
             "p_value": finite(diagnosis.p_global),
             "effects": [self._finding_json(f) for f in diagnosis.findings],
             "outliers": [self._row_json(row) for row in diagnosis.bad_rows],
+            "bench": [reading.json() for reading in self.bad_readings],
             "suspected": [
                 self._row_json(row) | {"p_value": finite(chance)} for row, chance in diagnosis.suspected.items()
             ],

@@ -16,6 +16,7 @@ from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.loading.poses import origin_of
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.report.audit import Audit
+from pkmcal_cli.report.bench_text import BenchText
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.failed_rows import FailedRows
 from pkmcal_cli.report.figures import unit_of
@@ -52,6 +53,11 @@ class DiagnosisValues:
         """Values that a robust loss weighs down; None without one."""
         robust = self.diagnosis.weighed
         return None if robust is None else Audit(self.model, robust, partial(origin_of, self.measured))
+
+    @property
+    def bad_readings(self) -> tuple[BenchText, ...]:
+        """Readings of the bench that are not used."""
+        return tuple(BenchText(self.machine, self.model, r) for r in self.diagnosis.bad_readings)
 
     def show_left_out(self, to: Reporter) -> None:
         """Values that are weighed down, and rows that nothing predicts."""

@@ -17,6 +17,11 @@ _LISTED = 1000  # rows in the JSON
 GRID_POINT = "grid point"
 
 
+def place_json(row: RowOrigin) -> dict[str, Any]:
+    """Where a row stands, for JSON."""
+    return {"file": row.file, "line": row.line or None, "id": row.id or None}
+
+
 @dataclass(frozen=True)
 class FailedRows:
     """Why rows of a table of `total` rows have no prediction and are not used, by row; `place`: where a row stands."""
@@ -37,7 +42,7 @@ class FailedRows:
     def json(self) -> dict[str, Any]:
         """The same for JSON; so many rows at most are listed."""
         places = [(self.row_origin(row), self.reasons[row]) for row in sorted(self.reasons)[:_LISTED]]
-        listed = [{"file": p.file, "line": p.line or None, "id": p.id or None, "reason": why} for p, why in places]
+        listed = [place_json(p) | {"reason": why} for p, why in places]
         return {"n_failed": len(self.reasons), "failed": listed}
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.report.number_format import finite
+from pkmcal_cli.report.number_format import finite, to_digits
 from pkmcal_cli.units.file_units import DIMENSIONS, NUMBER, UNITS, Unit
 
 
@@ -23,6 +25,12 @@ def unit_of(machine: Machine, dimension: str) -> Unit:
     """The file's unit of a dimension by its name."""
     named = next((d for d in DIMENSIONS.values() if d.name == dimension), NUMBER)
     return UNITS["1"] if named == NUMBER else machine.file_units.unit(named)
+
+
+def criterion_text(figures: ErrorFigures, unit: Unit) -> str:
+    """Sum of squares, in the square of a unit; a dash without any."""
+    value = figures.criterion / unit.scale**2
+    return "-" if math.isnan(value) else f"{to_digits(value, 4)} {unit.text}^2"
 
 
 def figures_json(machine: Machine, kinds: dict[str, ErrorFigures]) -> dict[str, object]:

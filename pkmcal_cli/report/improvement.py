@@ -97,6 +97,8 @@ class ImprovementReport(ImprovedFiles):
         to.say(self._summary())
         to.say()
         to.say(self.diagnosis.verdict_line())
+        for reading in self.diagnosis.bad_readings:
+            to.say(f"bad reading: {reading.text}: not used")
         for row in improvement.whole.bad_rows:
             to.say(f"bad row: {self.measured.row_origin(row)}: used neither for fitting nor for reporting")
         self.diagnosis.show_left_out(to)

@@ -23,6 +23,7 @@ _IN_PART = 0.1  # share of the variance from which on ranges are worth a word
 NOT_SELECTED = "not selected"
 _WEAK = "weak: "
 _FEW = 4  # names or terms that are listed one by one
+_FAR = 5.0  # ranges off nominal from which on a value is worth a word
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +49,11 @@ class ParameterRow:
     def note(self) -> str:
         """For a file: why it was selected and is not (well) identified."""
         return self.reason or "" if self.reason != NOT_SELECTED else ""
+
+    @property
+    def far(self) -> bool:
+        """Whether the value is further off nominal than anybody believed."""
+        return abs(self.value - self.nominal) > _FAR * self.range
 
     @property
     def spread(self) -> str:

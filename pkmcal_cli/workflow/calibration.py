@@ -18,7 +18,6 @@ from pkmcal_cli.calibration.identify import STEPS, RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate
-from pkmcal_cli.gross_errors.far_rows import far_off_text
 from pkmcal_cli.gross_errors.hints import (
     absurd_rows,
     copied_rows,
@@ -38,11 +37,11 @@ from pkmcal_cli.report.limitations import outside_text
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.workflow.arguments import by_method, checked_method, selection
-from pkmcal_cli.workflow.computed_readings import computed_readings
 from pkmcal_cli.workflow.determined import determined
-from pkmcal_cli.workflow.gross_row_reasons import rows_beyond_noise
+from pkmcal_cli.workflow.gross_row_reasons import BeyondNoise, beyond_noise, odd_readings, spoilt
 from pkmcal_cli.workflow.held_out import held_out, holdout_file, validated
 from pkmcal_cli.workflow.moved_frames import moved_warnings
+from pkmcal_cli.workflow.overstated_sigma import noise_doubts
 from pkmcal_cli.workflow.prior_file import EarlierCalibration, earlier_calibration
 from pkmcal_cli.workflow.unsolved_rows import unsolved
 
@@ -188,15 +187,14 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
         to.warn(text)
     s = _determined(s, states, to)
     options, row_origin = s.request.fit_options, partial(origin_of, s.measured)
-    gross = () if hints else rows_beyond_noise(s.problem, s.selected, s.start.values, states)
-    if gross and options.loss == "squares":
-        hints = (*hints, far_off_text(gross, row_origin))
-        to.warn(f"warning: {hints[-1]}")
+    beyond = BeyondNoise() if hints else beyond_noise(s.problem, s.selected, s.start.values, states)
+    if options.loss == "squares":
+        hints = (*hints, *spoilt(s.loaded, s.problem, beyond, row_origin, to))
     if hints:  # no start mends a wrong column, and what does not converge soon never will
         options = replace(options, starts=options.starts or 1)
     steps = _STEPS_IN_DOUBT if hints else STEPS
     with to.stages() as observe:
-        robust_fit = _fit(s, states, options, to, observe, steps=steps, gross=gross)
+        robust_fit = _fit(s, states, options, to, observe, steps=steps, gross=beyond.rows)
         del states  # of a long table they are large
         fit = robust_fit.robust.fit
         s = replace(s, problem=s.problem.without(fit.failed))
@@ -204,11 +202,12 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
             held = held_out(s.problem, s.measured, fit, s.request.holdout, s.request.fit_options, observe)
         else:
             held = validated(s.loaded, s.problem, fit, s.apart)
-    computed = computed_readings(s.problem, robust_fit, s.measured)
-    for text in computed.exact:
-        to.warn(f"warning: {text}")
-    mistakes = (*hints, *computed.commanded)
-    return Calibrated(s, CalibrationReport(s.loaded.machine, s.problem, robust_fit, held, row_origin, mistakes))
+    doubts = noise_doubts(s.problem, robust_fit, s.measured, to)
+    odd, mistakes = odd_readings(s.loaded, s.problem, beyond, row_origin, doubts.overstated), doubts.commanded
+    report = CalibrationReport(
+        s.loaded.machine, s.problem, robust_fit, held, row_origin, odd, mistakes=(*hints, *mistakes)
+    )
+    return Calibrated(s, report)
 
 
 def _say_of_files(s: CalibrationSetting, to: Listener) -> None:

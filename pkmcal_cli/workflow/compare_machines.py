@@ -30,7 +30,7 @@ from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.units.unit_text import Unit
 from pkmcal_cli.workflow.arguments import selection
 from pkmcal_cli.workflow.determined import determined
-from pkmcal_cli.workflow.gross_row_reasons import rows_beyond_noise
+from pkmcal_cli.workflow.gross_row_reasons import beyond_noise
 
 _LISTED = 5  # rows
 _FOLDS = 5
@@ -105,7 +105,7 @@ def _without_gross_rows(problems: list[Problem], measured: Measurements, to: Rep
     """The problems without rows that contradict the others for both machines: these are of no model."""
     with to.step("rows beyond noise"):
         gross = [
-            set(rows_beyond_noise(p, selection(p.model, "auto"), p.model.nominal, evaluate(p, p.model.nominal).start))
+            set(beyond_noise(p, selection(p.model, "auto"), p.model.nominal, evaluate(p, p.model.nominal).start).far)
             for p in problems
         ]
     both = sorted(gross[0] & gross[1])

@@ -22,6 +22,7 @@ from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.workflow.alpha import check_alpha
 from pkmcal_cli.workflow.arguments import present
 from pkmcal_cli.workflow.fail_on import failing
+from pkmcal_cli.workflow.overstated_sigma import with_warnings
 from pkmcal_cli.workflow.plots import check_plot, write_plot
 from pkmcal_cli.workflow.run_folder import Run, check_run, keep_run
 from pkmcal_cli.workflow.search_case import Case, CaseRequest, prepare
@@ -124,10 +125,11 @@ def diagnosed(case: Case, alpha: float, seed: int, to: Listener) -> Diagnosis:
     candidates, problem, selected = case.candidates, case.problem, case.selected
     try:
         with to.stages() as observe:
-            diagnosis = diagnose(candidates, problem, selected, alpha, seed, loss=case.loss, observe=observe)
+            made = diagnose(candidates, problem, selected, alpha, seed, loss=case.loss, observe=observe)
     except RowsFailed as failure:
         raise unsolved(case.measured, failure.evaluation.prediction) from None
+    with_warnings(made.problem, made.cleared, case.measured, to)
     if not case.mistakes:
-        return diagnosis
-    verdict = diagnosis.verdict if diagnosis.findings or diagnosis.unknown else "measurement_fault"
-    return replace(diagnosis, verdict=verdict, mistakes=tuple(h.message for h in case.mistakes if h.columns))
+        return made
+    verdict = made.verdict if made.findings or made.unknown else "measurement_fault"
+    return replace(made, verdict=verdict, mistakes=tuple(h.message for h in case.mistakes if h.columns))

@@ -16,7 +16,8 @@ status converged|incomplete|not_converged|nothing_identifiable|implausible: `con
     believed
 implausible[] text: why not
 incomplete[] text: instruments whose residuals are larger than their stated noise and parameters that are not
-    identified can make them, and by what factor; empty unless `status` is `incomplete`
+    identified can make them, and by what factor; bench readings that the table contradicts; empty unless `status` is
+    `incomplete`
 n_rows integer: number of rows in all tables
 n_failed integer: number of rows without a prediction, not used
 failed[].file text: such a row
@@ -81,6 +82,8 @@ uncertainty.ranges.factors.KIND number: by what the ranges of a kind of paramete
 uncertainty.held[] text: parameters that are not identified and known to their ranges
 uncertainty.held_explain[] text: those few of them that explain the most of residuals larger than noise, where all of
     them together explain at least half within their ranges; otherwise empty
+uncertainty.overstated.CHANNEL number: how many times too large the sigma of a channel is stated, as its residuals say;
+    only where their mean square is below 0.05 of what is stated: check its unit
 uncertainty.remark text?: remark on the intervals, or null
 outliers[].file text: file of a value whose deviation exceeds 3.5 standard uncertainties
 outliers[].line integer?: null for a bench measurement, which is in the machine file
@@ -93,6 +96,18 @@ outliers[].weight number: weight given by a robust loss; 1 without one
 outliers[].leverage number: leverage: share of the value that the fit follows
 outliers[].moves text: parameter that changes most if the value stays in the fit
 outliers[].by_std number: change of that parameter, in standard uncertainties
+far_rows[].file text: a row that the other rows contradict, far beyond noise (6 standard deviations or more)
+far_rows[].line integer?:
+far_rows[].id text?: or null
+bench[].name text: a sensor whose bench reading contradicts the rows of the table
+bench[].file text: machine file in which the reading stands
+bench[].line integer?:
+bench[].reading number: in `unit`
+bench[].predicted number: the same as the rows predict it, without any bench reading
+bench[].std number: standard uncertainty of `predicted`
+bench[].off number: reading minus `predicted`
+bench[].unit text:
+bench[].deviation number: `off` in its standard uncertainty, which includes the sigma of the reading
 replicates[].channel text: a channel measured at repeated poses in one session; duplicate rows excluded
 replicates[].n_groups integer: number of these poses
 replicates[].degrees_of_freedom integer: of the noise estimate from their spread

@@ -25,9 +25,9 @@ noise_models[].slope number?: of `distance`: sigma^2 = level stated^2 + (slope d
 noise_models[].std number?: standard uncertainty
 noise_models[].unit text:
 noise_models[].p_value number?: of the hypothesis of no growth
-chi2_per_dof_before number?: after calibration, without effects
+chi2_per_dof_before number?: after calibration, without effects and without the rejected rows
 chi2_per_dof_after number?: with the accepted effects
-p_value number?: of all residuals after calibration, if sigma is as stated
+p_value number?: of the same residuals, if sigma is as stated
 effects[].effect text: keyword, or `release` for a parameter that is held at nominal
 effects[].at text: place, or the parameter's name
 effects[].parameters[].name text: full name
@@ -81,6 +81,15 @@ down_weighted[].weight number?:
 down_weighted[].leverage number?:
 down_weighted[].moves text?:
 down_weighted[].by_std number?:
+bench[].name text: a sensor whose bench reading contradicts the rows of the table; not used
+bench[].file text: machine file in which the reading stands
+bench[].line integer?:
+bench[].reading number: in `unit`
+bench[].predicted number: the same as the rows predict it, without this reading
+bench[].std number: standard uncertainty of `predicted`
+bench[].off number: reading minus `predicted`
+bench[].unit text:
+bench[].deviation number: `off` in its standard uncertainty, which includes the sigma of the reading
 suspected[].file text: rows that may be bad (5 %), but are not off far enough to be rejected; used
 suspected[].line integer?: null for a bench measurement, which is in the machine file
 suspected[].id text?:
