@@ -107,14 +107,13 @@ def calibrated(
     which a robust loss begins. Raises RowsFailed.
     """
     problem = with_prior(problem, selected, options.prior)
-    count, seed = options.starts, options.seed
-    gross = () if options.loss == "squares" else gross
+    begun = problem if options.loss == "squares" else without_weight(problem, gross)
     first, agreement = identify_from(
-        without_weight(problem, gross),
+        begun,
         selected,
         start,
-        count,
-        seed,
+        options.starts,
+        options.seed,
         tell,
         states=states,
         observe=observe,

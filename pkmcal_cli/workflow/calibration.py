@@ -38,7 +38,7 @@ from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.workflow.arguments import by_method, checked_method, selection
 from pkmcal_cli.workflow.determined import determined
-from pkmcal_cli.workflow.gross_row_reasons import BeyondNoise, beyond_noise, odd_readings, spoilt
+from pkmcal_cli.workflow.gross_row_reasons import BeyondNoise, beyond_noise, odd_readings, spoilt, without_readings
 from pkmcal_cli.workflow.held_out import held_out, holdout_file, validated
 from pkmcal_cli.workflow.moved_frames import moved_warnings
 from pkmcal_cli.workflow.overstated_sigma import noise_doubts
@@ -188,8 +188,11 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
     s = _determined(s, states, to)
     options, row_origin = s.request.fit_options, partial(origin_of, s.measured)
     beyond = BeyondNoise() if hints else beyond_noise(s.problem, s.selected, s.start.values, states)
+    odd = odd_readings(s.loaded, s.problem, beyond, row_origin)
     if options.loss == "squares":
-        hints = (*hints, *spoilt(s.loaded, s.problem, beyond, row_origin, to))
+        hints = (*hints, *spoilt(odd, beyond, row_origin, to))
+    else:
+        s = replace(s, problem=without_readings(s.problem, odd, to))
     if hints:  # no start mends a wrong column, and what does not converge soon never will
         options = replace(options, starts=options.starts or 1)
     steps = _STEPS_IN_DOUBT if hints else STEPS
@@ -203,10 +206,8 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
         else:
             held = validated(s.loaded, s.problem, fit, s.apart)
     doubts = noise_doubts(s.problem, robust_fit, s.measured, to)
-    odd, mistakes = odd_readings(s.loaded, s.problem, beyond, row_origin, doubts.overstated), doubts.commanded
-    report = CalibrationReport(
-        s.loaded.machine, s.problem, robust_fit, held, row_origin, odd, mistakes=(*hints, *mistakes)
-    )
+    odd, mistakes = replace(odd, overstated=doubts.overstated), (*hints, *doubts.commanded)
+    report = CalibrationReport(s.loaded.machine, s.problem, robust_fit, held, row_origin, odd, mistakes=mistakes)
     return Calibrated(s, report)
 
 

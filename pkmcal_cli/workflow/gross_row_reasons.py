@@ -3,7 +3,7 @@ believe a fit by least squares."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,7 +70,7 @@ def _far(problem: Problem, rows: Rows, others: Fit) -> Rows:
 
 
 def spoilt(
-    loaded: LoadedMachine, problem: Problem, beyond: BeyondNoise, row_origin: Callable[[int], RowOrigin], to: Listener
+    odd: OddReadings, beyond: BeyondNoise, row_origin: Callable[[int], RowOrigin], to: Listener
 ) -> tuple[str, ...]:
     """Warn of what is beyond noise; those texts of it for which a fit by least squares is not to be believed."""
     hints = []
@@ -78,20 +78,22 @@ def spoilt(
         text = far_off_text(beyond.rows, row_origin)
         to.warn(f"warning: {text}")
         hints += [text] if beyond.far else []
-    for reading in beyond.readings:
-        words = BenchText(loaded.machine, problem.model, reading)
-        to.warn(f"warning: {words.text}", words.location)
-        hints += [words.text] if reading in beyond.spoiling else []
+    for words in odd.bench:
+        to.warn(f"warning: {words.text} (`--loss tukey` leaves it out)", words.location)
+        hints += [words.text] if words.reading in beyond.spoiling else []
     return tuple(hints)
 
 
+def without_readings(problem: Problem, odd: OddReadings, to: Listener) -> Problem:
+    """The problem of a robust loss, which does without such readings: it would follow a single one too far."""
+    for words in odd.bench:
+        to.warn(f"warning: {words.text}: not used", words.location)
+    return problem.leaving_out([words.reading.channel for words in odd.bench])
+
+
 def odd_readings(
-    loaded: LoadedMachine,
-    problem: Problem,
-    beyond: BeyondNoise,
-    row_origin: Callable[[int], RowOrigin],
-    overstated: Mapping[str, float],
+    loaded: LoadedMachine, problem: Problem, beyond: BeyondNoise, row_origin: Callable[[int], RowOrigin]
 ) -> OddReadings:
-    """The same for a report, with sigmas that are stated too large."""
+    """What is beyond noise, for a report."""
     bench = tuple(BenchText(loaded.machine, problem.model, reading) for reading in beyond.readings)
-    return OddReadings(tuple(row_origin(row) for row in beyond.rows), bench, overstated)
+    return OddReadings(tuple(row_origin(row) for row in beyond.rows), bench)
