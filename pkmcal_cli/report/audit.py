@@ -26,8 +26,8 @@ class Audit:
     def __init__(self, model: Model, robust: RobustFit, row_origin: Callable[[int], RowOrigin]) -> None:
         self.model, self.robust, self.row_origin, self.loss = model, robust, row_origin, robust.loss
 
-    def show(self, to: Reporter, advised: bool = False) -> None:
-        """A table for people; nothing where nothing is doubtful. advised: whether far rows had a word before."""
+    def show(self, to: Reporter, named: int = 0) -> None:
+        """A table for people; nothing where nothing is doubtful. named: rows that had a word before."""
         robust = self.loss != "squares"
         worst = [d for d in self.robust.doubtful if robust or abs(d.deviation) > _GROSS]
         if not worst:
@@ -40,7 +40,7 @@ class Audit:
             to.mark(f"outlier: {channel} is off by {off} ({deviation} std)", self.row_origin(d.row).location, "warning")
         if len(worst) > _SHOWN:
             to.say(f"... and {len(worst) - _SHOWN} more (--json lists all)")
-        if not robust and not advised:
+        if not robust and len(worst) >= named:
             to.warn(f"warning: {self._advice(len(worst))}")
 
     def _advice(self, rows: int) -> str:

@@ -161,7 +161,7 @@ class CalibrationReport:
         if self.fit.kinked:
             rows = f"{len(self.fit.kinked)} of {count(self.n_rows, 'row')}"
             to.warn(f"warning: in {rows} a rope is taut or slack (within 2 std): the intervals do not hold")
-        self.audit.show(to, advised=bool(self.odd.rows))
+        self.audit.show(to, named=len(self.odd.rows))
         show_replicates(to, self.replicates)
 
     def _show_parameters(self, to: Reporter, selected: list[ParameterRow]) -> None:
