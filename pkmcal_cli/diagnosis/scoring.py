@@ -193,7 +193,7 @@ def score_without(search: Search, removed: Sequence[Hypothesis], hypotheses: Seq
 
 
 def _scored(search: Search, linear: Linear, hypotheses: Sequence[Hypothesis]) -> Scored:
-    key = ("scored", *hypotheses)
+    key = ("scored", *((h, h.parts) for h in hypotheses))  # equal hypotheses may have other parts
     compute = partial(scored, linear, search.problem, hypotheses)
     return search.known.once((linear, search.problem), key, compute, linear.columns.nbytes)
 
