@@ -105,8 +105,8 @@ def promised(machine: str, planted: Planted, seed: int) -> float:
     change, columns = setting.change(planted), linear.tested(hypotheses[k])
     direction = np.linalg.lstsq(score.whole, columns.T @ linear.free(change), rcond=1e-9)[0]
     length = float(np.linalg.norm(direction))
-    detection = Detection(linear, here.problem, [hypotheses[k]], [score], 0)
-    return detection.size(0, direction / length, procedure) / length
+    detection = Detection(linear, here.problem, hypotheses, 0)
+    return detection.size(k, direction / length, procedure) / length
 
 
 def outcome(machine: str, keyword: str, at: str, seed: int) -> Outcome | None:

@@ -15,11 +15,12 @@ from scipy.special import chdtrc, chdtri, chndtrinc, ndtr
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.diagnosis.confirm import blocks
-from pkmcal_cli.diagnosis.detection import Detection, Procedure
+from pkmcal_cli.diagnosis.detection import Detection
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear
 from pkmcal_cli.diagnosis.scale import Scale
 from pkmcal_cli.diagnosis.selection_bias import Acceptance
+from pkmcal_cli.diagnosis.trial import Procedure
 from pkmcal_cli.diagnosis.visible_sizes import absorbing, visible_sizes
 from tests.command import MACHINES, run
 from tests.test_diagnosis_linear import setting, synthetic
@@ -32,7 +33,7 @@ def detection(name: str) -> tuple[Detection, Linear]:
     """Of one hypothesis of the Scissors."""
     problem, linear = setting().ready.problem, setting().linear
     hypothesis = next(h for h in setting().ready.candidates.hypotheses if h.name == name)
-    return Detection(linear, problem, [hypothesis], [linear.score_of(hypothesis)], 0), linear
+    return Detection(linear, problem, [hypothesis], 0), linear
 
 
 def helped(linear: Linear, columns: Array, labels: Array, residual: Array) -> bool:
@@ -100,7 +101,7 @@ def test_the_worst_direction_is_one_that_declared_parameters_take_up() -> None:
     linear = synthetic(columns, 3, np.zeros(len(columns)))
     linear = replace(linear, channels=setting().linear.channels)
     hypothesis = Hypothesis(effect="pitch", at="q1", parameters=("p3", "p4"))
-    (seen,) = visible_sizes(linear, problem, [hypothesis], [linear.score_of(hypothesis)], KNOWN, 0)
+    (seen,) = visible_sizes(Detection(linear, problem, [hypothesis], 0), KNOWN)
     assert seen.tested and seen.detected < 10 * seen.mdb and seen.absorbed_by == ()
     assert seen.worst is not None and seen.worst.detected == np.inf and seen.worst.absorbed_by == ("p0",)
     np.testing.assert_allclose(np.abs(seen.worst.direction), np.sqrt(0.5), atol=0.01)

@@ -1,8 +1,8 @@
-"""The size of an effect that is detected in 80 % of campaigns: by the threshold over all hypotheses, without a veto.
+"""The size of an effect that is detected in 80 % of campaigns, by all that a diagnosis asks of it. Linear near null.
 
-A hypothesis is accepted where its p value is below the threshold, unless rows held out are predicted worse with it
-(`confirm`). Both follow from the products of columns and noise in each fold, which are drawn: they are normal with the
-folds' normal matrices as covariances, whatever the number of rows. Linear near null.
+A hypothesis is accepted where its p value is below the threshold, unless it stands on one row, or rows held out are
+predicted worse with it; it is named where its evidence is not far below that of those that resemble it. What of it no
+smooth shape explains counts as noise, as a diagnosis estimates it.
 """
 
 from __future__ import annotations
@@ -13,61 +13,45 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc, fdtrc, gammaincinv
+from scipy.special import gammaincinv
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.confirm import blocks, value_folds
+from pkmcal_cli.diagnosis.contest import Contestants
+from pkmcal_cli.diagnosis.drawn_noise import SMALL, Columns, DrawnNoise, drawn_noise
+from pkmcal_cli.diagnosis.groups import group_columns
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear
-from pkmcal_cli.diagnosis.noise_tests import improbable
-from pkmcal_cli.diagnosis.scale import Scale
-from pkmcal_cli.diagnosis.score import Score, log_evidence, minimal_detectable, p_of_part
+from pkmcal_cli.diagnosis.quadratic import Quadratic
+from pkmcal_cli.diagnosis.score import Score, minimal_detectable
 from pkmcal_cli.diagnosis.selection_bias import Acceptance
+from pkmcal_cli.diagnosis.trial import Check, Counted, OneRow, Procedure, Trial
 
 _DETECTED = 0.8
-_DRAWS = 500
 _HALVINGS = 8  # of an interval of a factor of two: much finer than so many draws tell
-_ROUNDING = 1e-12  # of the largest eigenvalue; and of a column in standard uncertainties, squared
 _TRIED, _SHOWN = 24, 20.0  # sizes from which is learned how effects are accepted, up to so many standard uncertainties
 _SMOOTH = 0.15  # standard uncertainties
 _KNOWN = 1e8  # degrees of freedom, half
 _LARGEST = 1e4  # standard deviations of a prior: as good as never
-_SMALL = 1e-6  # prior of what is not held, as in the confirmation
-
-
-@dataclass(frozen=True)
-class Procedure:
-    """What a hypothesis must pass: p value below `critical`, with noise of this scale."""
-
-    critical: float
-    scale: Scale
-
-
-@dataclass(frozen=True)
-class _Fold:
-    """Products with the columns of one fold's rows, Q of them besides d declared directions, and D draws of noise.
-
-    columns (Q, Q), noise (Q, D): what is left of columns in the fold once declared parameters are fitted to the others,
-    times that of columns and noise; train (Q, Q), trained (Q, D): the same of the other rows. values: how many.
-    """
-
-    columns: Array
-    noise: Array
-    train: Array
-    trained: Array
-    values: int
+_CARRIES = 0.1  # share of the information in a direction, from which on a row may be all that speaks for an effect
 
 
 class Detection:
-    """Detectable sizes of hypotheses at a linearised problem."""
+    """Detectable sizes of hypotheses at a linearised problem, which may be taken for `rivals`."""
 
     def __init__(
-        self, linear: Linear, problem: Problem, hypotheses: Sequence[Hypothesis], scores: Sequence[Score], seed: int
+        self,
+        linear: Linear,
+        problem: Problem,
+        hypotheses: Sequence[Hypothesis],
+        seed: int,
+        rivals: Sequence[Hypothesis] = (),
     ) -> None:
         self.linear, self.problem, self.seed = linear, problem, seed
-        self.hypotheses, self.scores = tuple(hypotheses), tuple(scores)
-        self._schemes: dict[bytes, _Scheme] = {}
+        self.hypotheses, self.scores = tuple(hypotheses), linear.scores_of(hypotheses)
+        self._rivals = tuple(rivals)
+        self._schemes: dict[tuple[bytes, bool], _Scheme] = {}
 
     @cached_property
     def _labels(self) -> list[NDArray[np.intp]]:
@@ -78,25 +62,25 @@ class Detection:
         detected in 80 % of campaigns; inf where it never is."""
         if not self.scores[k].count:
             return float("inf")
-        run = self._run(k, direction, procedure)
+        trial = self._trial(k, direction, procedure)
         high = minimal_detectable(float(direction @ self.scores[k].whole @ direction))
         high = min(high, _LARGEST) if np.isfinite(high) else 1.0
-        while run.rate(high) < _DETECTED:
+        while trial.rate(high) < _DETECTED:
             high = 2.0 * high
             if high > _LARGEST:
                 return float("inf")
         low = 0.5 * high
-        while run.rate(low) >= _DETECTED:
+        while trial.rate(low) >= _DETECTED:
             low, high = 0.5 * low, low
         for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)
-            low, high = (middle, high) if run.rate(middle) < _DETECTED else (low, middle)
+            low, high = (middle, high) if trial.rate(middle) < _DETECTED else (low, middle)
         return 0.5 * (low + high)
 
     def acceptance(self, k: int, direction: Array, procedure: Procedure) -> Acceptance:
         """How hypothesis k is accepted by the size at which it appears, in a direction (p,) that shows."""
-        run, unit = self._run(k, direction, procedure), float(direction @ self.scores[k].whole @ direction)
-        tried = [run.campaigns(s / np.sqrt(unit)) for s in np.linspace(0.0, _SHOWN, _TRIED)]
+        trial, unit = self._trial(k, direction, procedure), float(direction @ self.scores[k].whole @ direction)
+        tried = [trial.campaigns(s / np.sqrt(unit)) for s in np.linspace(0.0, _SHOWN, _TRIED)]
         sizes = np.sqrt(np.concatenate([statistic for statistic, _ in tried]))
         accepted = np.concatenate([accepts for _, accepts in tried]).astype(float)
         grid = np.arange(0.0, _SHOWN, _SMOOTH / 2)
@@ -104,183 +88,139 @@ class Detection:
         chance = (weight @ accepted) / np.maximum(weight.sum(axis=1), 1e-300)
         return Acceptance(grid, np.maximum.accumulate(chance))
 
-    def _run(self, k: int, direction: Array, procedure: Procedure) -> _Run:
-        labels = self._labels[k]
-        key = labels.tobytes()
+    def _trial(self, k: int, direction: Array, procedure: Procedure) -> Trial:
+        labels, rough = self._labels[k], procedure.scale.rough
+        key = (labels.tobytes(), rough)
         if key not in self._schemes:
-            same = [j for j, label in enumerate(self._labels) if label.tobytes() == key]
+            same = [self.hypotheses[j] for j, label in enumerate(self._labels) if label.tobytes() == key[0]]
+            names = {h.name for h in same}
+            others = [h for h in self._rivals if h.name not in names]
             folds = value_folds(self.problem, labels).ravel()
-            self._schemes[key] = _Scheme.of(self.linear, [self.hypotheses[j] for j in same], folds, self.seed)
-        return self._schemes[key].run(self.hypotheses[k], self.scores[k], direction, procedure)
+            shapes = self._shapes if rough else np.zeros((len(self.linear.residual), 0))
+            self._schemes[key] = _Scheme.of(self.linear, (same, others), folds, shapes, self.seed)
+        return self._schemes[key].trial(self.hypotheses[k], direction, procedure)
 
-
-@dataclass(frozen=True)
-class _Scheme:
-    """All hypotheses that are confirmed by the same folds."""
-
-    places: dict[str, NDArray[np.intp]]  # of hypotheses' columns among all
-    information: Array  # (Q, Q), declared parameters projected out
-    gradient: Array  # (Q, D) of noise
-    folds: tuple[_Fold, ...]
-    chance: Array  # (D,) of an estimate of the noise that is smaller
-
-    @classmethod
-    def of(cls, linear: Linear, hypotheses: Sequence[Hypothesis], fold: NDArray[np.intp], seed: int) -> _Scheme:
-        """Products with all columns, and draws of those with noise; fold (n,) of each value, -1: in none."""
-        prior = linear.fixed[1]
-        declared = [linear.of(linear.projected), *([] if linear.extra is None else [linear.extra])]
-        columns = [linear.tested(h) for h in hypotheses]
-        ends = np.cumsum([0, *(c.shape[1] for c in columns)])
-        places = {h.name: np.arange(ends[j], ends[j + 1]) for j, h in enumerate(hypotheses)}
-        x, d = np.hstack([*declared, *columns]), len(prior)
-        x[:, (x**2).sum(axis=0) < _ROUNDING] = 0.0  # what moves nothing, and is not even the same everywhere
-        used = [fold == f for f in np.unique(fold)]
-        grams = np.stack([x[rows].T @ x[rows] for rows in used])  # (F, d + Q, d + Q)
-        rng = np.random.default_rng([seed, 11])
-        drawn = np.stack([_root(g) @ rng.normal(size=(len(g), _DRAWS)) for g in grams])  # (F, d + Q, D)
-        transform = np.eye(len(grams[0]))  # parameters to directions, after drawing: these are not the same everywhere
-        size = len(linear.projected)
-        transform[:size, :size] = linear.spectrum.vectors
-        grams, noise = transform @ grams @ transform.T, transform @ drawn
-        count = [int(rows.sum()) for rows in used]
-        whole, score = grams.sum(axis=0), noise.sum(axis=0)
-        normal = whole[:d, :d] + _at_least(prior, _SMALL**2)
-        near = np.linalg.solve(normal, np.hstack([whole[:d, d:], score[:d]]))
-        left = np.hstack([whole[d:, d:], score[d:]]) - whole[d:, :d] @ near
-        q = whole.shape[0] - d
-        held = _at_least(prior, _SMALL)
-        parts = list(zip(grams, noise, count, strict=True))[int(fold.min() < 0) :]
-        folds = tuple(_fold(g, n, whole - g, score - n, held, c) for g, n, c in parts)
-        return cls(places, left[:, :q], left[:, q:], folds, rng.random(_DRAWS))
-
-    def run(self, hypothesis: Hypothesis, score: Score, direction: Array, procedure: Procedure) -> _Run:
-        """One hypothesis with an effect in this direction."""
-        columns = self.places[hypothesis.name]
-        basis, at = score.basis, np.ix_(columns, columns)
-        chance = _estimates(self, procedure)
-        gains = []
-        for f in self.folds:
-            train = basis.T @ f.train[at] @ basis + _SMALL * np.eye(score.count)
-            step = np.linalg.solve(train, basis.T @ np.hstack([f.trained[columns], (f.train[at] @ direction)[:, None]]))
-            seen = basis.T @ np.hstack([f.noise[columns], (f.columns[at] @ direction)[:, None]])
-            left = 2 * seen - basis.T @ f.columns[at] @ basis @ step
-            gains.append(_Quadratic.of(left, step).over(f.values))
-        gradient = basis.T @ np.hstack([self.gradient[columns], (self.information[at] @ direction)[:, None]])
-        return _Run(
-            statistic=_Quadratic.of(gradient / score.information[:, None], gradient),
-            count=score.count,
-            along=float(direction @ self.information[at] @ direction),
-            by_noise=direction @ self.gradient[columns],
-            gain=_Quadratic.mean(gains),
-            variance=chance,
-            procedure=procedure,
-        )
-
-
-def _fold(gram: Array, noise: Array, train: Array, trained: Array, held: Array, values: int) -> _Fold:
-    """Products in a fold (d + Q, d + Q), (d + Q, D), and in the others, with declared directions fitted to these."""
-    d = len(held)
-    normal = train[:d, :d] + held
-    fitted = np.linalg.solve(normal, np.hstack([train[:d, d:], trained[:d]]))  # (d, Q + D)
-    q = gram.shape[0] - d
-    by_columns, by_noise = fitted[:, :q], fitted[:, q:]
-    outside = gram[d:, :d] - by_columns.T @ gram[:d, :d]  # (Q, d): test columns times the declared ones
-    columns = gram[d:, d:] - by_columns.T @ gram[:d, d:] - outside @ by_columns
-    seen = noise[d:] - by_columns.T @ noise[:d] - outside @ by_noise
-    left = train[d:, d:] - train[d:, :d] @ by_columns
-    score = trained[d:] - train[d:, :d] @ by_noise
-    return _Fold(columns, seen, left, score, values)
-
-
-def _at_least(prior: Array, least: float) -> Array:
-    """A precision (d, d) with a diagonal that is nowhere less."""
-    out = prior.copy()
-    np.fill_diagonal(out, np.maximum(np.diag(prior), least))
-    return out
-
-
-def _root(gram: Array) -> Array:
-    """A root (q, q) of a matrix that is the same under any library, unlike one by eigenvectors."""
-    size = np.sqrt(np.where(np.diag(gram) > 0, np.diag(gram), 1.0))
-    values, vectors = np.linalg.eigh(gram / np.outer(size, size))
-    some = values > _ROUNDING * values.max(initial=0.0)
-    return np.asarray(size[:, None] * ((vectors[:, some] * np.sqrt(values[some])) @ vectors[:, some].T))
-
-
-def _estimates(scheme: _Scheme, procedure: Procedure) -> Array:
-    """Variances (D,) of the noise as it is estimated, over the true one: chi-square over its degrees of freedom."""
-    half = 0.5 * procedure.scale.checked
-    return np.asarray(gammaincinv(half, scheme.chance) / half) if half < _KNOWN else np.ones(len(scheme.chance))
-
-
-@dataclass(frozen=True)
-class _Quadratic:
-    """What grows with the square of an effect's size: constant and linear (D,), by draws of noise, and square."""
-
-    constant: Array
-    linear: Array
-    square: float
-
-    @classmethod
-    def of(cls, one: Array, other: Array) -> _Quadratic:
-        """Sums (D,) of products of two (m, D + 1), each its noise and, in the last column, an effect of unit size."""
-        noise, effect = (one[:, :-1], other[:, :-1]), (one[:, -1:], other[:, -1:])
-        linear = (noise[0] * effect[1] + effect[0] * noise[1]).sum(axis=0)
-        return cls((noise[0] * noise[1]).sum(axis=0), linear, float((effect[0] * effect[1]).sum()))
-
-    @classmethod
-    def mean(cls, parts: Sequence[_Quadratic]) -> _Quadratic:
-        """The mean of some; nan of none."""
-        if not parts:
-            return cls(np.array(np.nan), np.array(np.nan), float("nan"))
-        columns = [(p.constant, p.linear, p.square) for p in parts]
-        constant, linear, square = (np.mean(column, axis=0) for column in zip(*columns, strict=True))
-        return cls(constant, linear, float(square))
-
-    def over(self, count: int) -> _Quadratic:
-        """The same over a number of values."""
-        return _Quadratic(self.constant / count, self.linear / count, self.square / count)
-
-    def at(self, size: float) -> Array:
-        """Values (D,) at a size."""
-        return np.asarray(self.constant + size * (self.linear + size * self.square))
+    @cached_property
+    def _shapes(self) -> Array:
+        """Columns (n, k) that no effect counts as noise along."""
+        groups = group_columns(self.problem).values()
+        return np.hstack([np.zeros((len(self.linear.residual), 0)), *map(self.linear.whitened, groups)])
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Run:
-    """Campaigns with one effect, of which `count` directions can be seen.
+class _Scheme:
+    """All hypotheses that are confirmed by the same folds."""
 
-    gain: fall of the mean square of rows held out by the effect, mean of the folds.
-    """
+    linear: Linear
+    drawn: DrawnNoise
+    contestants: Contestants
+    shapes: NDArray[np.intp]  # their places among columns
+    rows: dict[int, NDArray[np.intp]]  # of each row that may carry an effect, places of its values
+    carriers: dict[Hypothesis, list[int]]  # rows that may carry one
+    dof: float  # of the noise that shapes leave
 
-    statistic: _Quadratic
-    count: int
-    along: float
-    by_noise: Array
-    gain: _Quadratic
-    variance: Array
-    procedure: Procedure
+    @classmethod
+    def of(
+        cls,
+        linear: Linear,
+        hypotheses: tuple[Sequence[Hypothesis], Sequence[Hypothesis]],
+        fold: NDArray[np.intp],
+        shapes: Array,
+        seed: int,
+    ) -> _Scheme:
+        """Of those confirmed by a fold (n,) of each value, -1: in none, and others; shapes (n, k)."""
+        judged = [part for h in hypotheses[0] for part in h.nested_parts]
+        columns = Columns.of(linear, [*judged, *(part for h in hypotheses[1] for part in h.nested_parts)])
+        scores = dict(zip(columns.places, linear.scores_of(list(columns.places)), strict=True))
+        carriers = {part: _carriers(linear, part, scores[part]) for part in judged}
+        rows = sorted({row for some in carriers.values() for row in some})
+        held_out = 1 + max((int(columns.places[part].max(initial=-1)) for part in judged), default=-1)
+        besides = np.hstack([shapes, _of_rows(linear, rows)])
+        drawn = drawn_noise(linear, columns, held_out, besides, fold, seed)
+        first, c = columns.values.shape[1] + shapes.shape[1], linear.channels
+        return cls(
+            linear=linear,
+            drawn=drawn,
+            contestants=Contestants.of([*hypotheses[0], *hypotheses[1]], scores, drawn),
+            shapes=np.arange(columns.values.shape[1], first),
+            rows={row: first + c * j + np.arange(c) for j, row in enumerate(rows)},
+            carriers=carriers,
+            dof=linear.projecting(linear.projected, extra=shapes).dof if shapes.shape[1] else 1.0,
+        )
 
-    def rate(self, size: float) -> float:
-        """Share of campaigns in which an effect of this size is accepted."""
-        return float(self.campaigns(size)[1].mean())
+    def trial(self, hypothesis: Hypothesis, direction: Array, procedure: Procedure) -> Trial:
+        """One hypothesis with an effect in this direction."""
+        columns = self.drawn.places[hypothesis.whole]
+        return Trial(
+            contest=self.contestants.against(hypothesis, self.drawn.information[:, columns] @ direction, direction),
+            checks=tuple(self._check(part, columns, direction) for part in self.contestants.parts_of(hypothesis)),
+            counted=self._counted(columns, direction, procedure),
+            procedure=procedure,
+        )
 
-    def campaigns(self, size: float) -> tuple[Array, NDArray[np.bool_]]:
-        """Statistics (D,) of campaigns with an effect of this size, and whether it is accepted."""
-        statistic = np.maximum(self.statistic.at(size), 0.0)
-        m = np.full(len(statistic), self.count)
-        variance, dof = self._scale(size)
-        known = np.minimum(dof, 2 * _KNOWN)
-        part = self.procedure.scale.whole
-        estimated = p_of_part(statistic, m, variance, known) if part else fdtrc(m, known, statistic / (variance * m))
-        p = np.where(np.isfinite(dof), estimated, chdtrc(m, statistic))
-        evidence = log_evidence(statistic / variance, m)
-        return statistic, (p < self.procedure.critical) & (evidence > 0) & (self.gain.at(size) > 0.0)
+    def _check(self, part: Hypothesis, columns: NDArray[np.intp], direction: Array) -> Check:
+        """Of a part, with an effect of these columns in a direction (p,)."""
+        score, places, folds = self.contestants.scores[part], self.drawn.places[part], self.drawn.folds
+        basis = score.basis
 
-    def _scale(self, size: float) -> tuple[Array, Array]:
-        """Estimated variances (D,) over the true one, 1 with infinite degrees of freedom where the statement stands."""
-        scale, variance = self.procedure.scale, self.variance
-        if scale.whole:  # what the effect does is taken for noise
-            variance = variance + (size**2 * self.along + 2 * size * self.by_noise) / scale.checked
-        doubted = improbable(variance, scale.checked) if scale.variance == 1.0 else np.ones(len(variance), dtype=bool)
-        return np.where(doubted, variance, 1.0), np.where(doubted, scale.checked, np.inf)
+        def of(products: Array, noise: Array) -> Array:  # (F, m, D + 1)
+            effect = products[:, places][:, :, columns] @ direction
+            return np.asarray(basis.T @ np.concatenate([noise[:, places], effect[..., None]], axis=2))
+
+        train = basis.T @ folds.train[:, places][:, :, places] @ basis + SMALL * np.eye(score.count)
+        step = np.linalg.solve(train, of(folds.train, folds.trained))
+        left = 2 * of(folds.columns, folds.noise) - basis.T @ folds.columns[:, places][:, :, places] @ basis @ step
+        left /= (folds.values * len(folds.values))[:, None, None]
+        gain = Quadratic.of(left.reshape(-1, left.shape[2]), step.reshape(-1, step.shape[2]))
+        rows = tuple(self._row(row, part, columns, direction) for row in self.carriers[part])
+        return Check(gain, rows, score.count)
+
+    def _row(self, row: int, part: Hypothesis, columns: NDArray[np.intp], direction: Array) -> OneRow:
+        """A row that may carry a part: what it adds to the statistic, and the statistic with its values left out."""
+        score, places, at = self.contestants.scores[part], self.drawn.places[part], self.rows[row]
+        known = np.hstack([self.drawn.gradient, (self.drawn.information[:, columns] @ direction)[:, None]])
+        between = score.basis.T @ self.drawn.information[np.ix_(places, at)]  # (m, C)
+        gradient, of_row = score.basis.T @ known[places], known[at]
+        raw = score.basis.T @ self._raw(part, row).T
+        out = np.linalg.pinv(self.drawn.information[np.ix_(at, at)], rcond=1e-9)
+        rest, information = gradient - between @ out @ of_row, np.diag(score.information) - between @ out @ between.T
+        without = Quadratic.of(np.linalg.pinv(information, rcond=1e-9) @ rest, rest)
+        return OneRow(Quadratic.of(gradient / score.information[:, None], raw @ of_row), without)
+
+    def _raw(self, part: Hypothesis, row: int) -> Array:
+        """A part's columns (C, p) in a row."""
+        c = self.linear.channels
+        return self.linear.tested(part)[c * row : c * (row + 1)]
+
+    def _counted(self, columns: NDArray[np.intp], direction: Array, procedure: Procedure) -> Counted:
+        """What of an effect counts as noise, and how the noise is estimated."""
+        scale, drawn = procedure.scale, self.drawn
+        half = 0.5 * scale.checked
+        variance = np.asarray(gammaincinv(half, drawn.chance) / half) if half < _KNOWN else np.ones(len(drawn.chance))
+        if not (scale.whole or scale.rough):
+            return Counted(variance=variance, square=0.0, linear=np.zeros_like(variance), dof=1.0)
+        effect = drawn.information[:, columns] @ direction
+        square, linear = direction @ effect[columns], direction @ drawn.gradient[columns]
+        if scale.rough and len(self.shapes):
+            among = drawn.information[np.ix_(self.shapes, self.shapes)]
+            weights = np.linalg.lstsq(among, effect[self.shapes], rcond=1e-9)[0]
+            square, linear = square - weights @ effect[self.shapes], linear - weights @ drawn.gradient[self.shapes]
+        dof = scale.checked if scale.whole else self.dof
+        return Counted(variance=variance, square=max(float(square), 0.0), linear=linear, dof=dof)
+
+
+def _of_rows(linear: Linear, rows: Sequence[int]) -> Array:
+    """A column (n,) for each value of some rows."""
+    out = np.zeros((*linear.on.shape, len(rows), linear.channels))
+    for k, row in enumerate(rows):
+        out[row, :, k] = np.eye(linear.channels)
+    return linear.whitened(out.reshape(linear.on.size, -1))
+
+
+def _carriers(linear: Linear, part: Hypothesis, score: Score) -> list[int]:
+    """Rows that have much of the information in a direction."""
+    if not score.count:
+        return []
+    unit = linear.free(linear.tested(part) @ (score.basis / np.sqrt(score.information)))
+    share = (unit**2).reshape(*linear.on.shape, -1).sum(axis=1).max(axis=1)
+    return np.flatnonzero(share > _CARRIES).tolist()

@@ -15,13 +15,14 @@ from scipy.sparse.csgraph import connected_components
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem, usable
 from pkmcal_cli.diagnosis.alpha import Alpha
-from pkmcal_cli.diagnosis.detection import Procedure
+from pkmcal_cli.diagnosis.detection import Detection
 from pkmcal_cli.diagnosis.groups import group_columns
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, linear_problem
 from pkmcal_cli.diagnosis.noise_tests import noise_scale
 from pkmcal_cli.diagnosis.score import Score
 from pkmcal_cli.diagnosis.threshold import critical_p, smallest_p
+from pkmcal_cli.diagnosis.trial import Procedure
 from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes, visible_sizes
 
 ALIKE = 0.95  # cosine above which two effects are an ambiguity group
@@ -103,7 +104,8 @@ def plan_of(
     procedure = expected_procedure(linear, problem, candidates.hypotheses, alpha, seed)
     hypotheses = candidates.single
     scores = linear.scores_of(hypotheses)
-    sizes = visible_sizes(linear, problem, hypotheses, scores, procedure, seed)
+    detection = Detection(linear, problem, hypotheses, seed, candidates.hypotheses)
+    sizes = visible_sizes(detection, procedure)
     return Plan(candidates, problem, linear, scores, sizes, cosines_between(linear, hypotheses, scores))
 
 

@@ -12,7 +12,7 @@ from pkmcal_cli.base.stages import Stage
 from pkmcal_cli.calibration.condensed import condensed
 from pkmcal_cli.calibration.error_budget import error_budget, held_parameters
 from pkmcal_cli.diagnosis.confirm import HeldOutGain, held_out_gain
-from pkmcal_cli.diagnosis.detection import Detection, Procedure
+from pkmcal_cli.diagnosis.detection import Detection
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.model_discrepancy import own_discrepancies, own_discrepancy
 from pkmcal_cli.diagnosis.refine import Rival, RunnerUp, rivals_of, set_of
@@ -23,6 +23,7 @@ from pkmcal_cli.diagnosis.search_options import SearchOptions
 from pkmcal_cli.diagnosis.selection_bias import SelectedSize
 from pkmcal_cli.diagnosis.separable import Separable, separable
 from pkmcal_cli.diagnosis.stability import STABLE, Stability, stability
+from pkmcal_cli.diagnosis.trial import Procedure
 from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes, visible_sizes
 
 _LINEAR = 0.2  # by which the fall of chi-square may differ from the score
@@ -195,7 +196,7 @@ def _selected(
     size = float(np.sqrt(np.maximum(deviation @ score.whole @ deviation, 0.0) / variance))  # in std
     if not score.count or not size > 0 or not abs(estimate[j]) > 0 or not np.isfinite(std[j]):
         return None
-    detection = Detection(without.linear, search.problem, [hypothesis], [score], seed)
+    detection = Detection(without.linear, search.problem, [hypothesis], seed)
     acceptance = detection.acceptance(0, deviation / length, Procedure(search.critical, without.scale))
     corrected = acceptance.corrected(size)
     return None if corrected is None else corrected.widened(size * std[j] / abs(estimate[j]))
@@ -221,8 +222,8 @@ def _by_shape(search: Search, hypothesis: Hypothesis, last: Scored) -> Array:
 
 def sizes_seen(scored: Scored, search: Search, seed: int) -> tuple[VisibleSizes, ...]:
     """How large hypotheses that are not accepted would have to be."""
-    names = {h.name for h in search.accepted}
-    kept = [k for k, h in enumerate(scored.hypotheses) if h.name not in names and not h.members]
-    hypotheses, scores = [scored.hypotheses[k] for k in kept], [scored.scores[k] for k in kept]
-    procedure = Procedure(search.critical, scored.scale)
-    return visible_sizes(scored.linear, search.problem, hypotheses, scores, procedure, seed)
+    names, rivals = {h.name for h in search.accepted}, search.candidates.hypotheses
+    with_parts = {h.name: h for h in rivals}
+    hypotheses = [with_parts.get(h.name, h) for h in scored.hypotheses if h.name not in names and not h.members]
+    detection = Detection(scored.linear, search.problem, hypotheses, seed, rivals)
+    return visible_sizes(detection, Procedure(search.critical, scored.scale))

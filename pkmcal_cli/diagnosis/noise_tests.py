@@ -46,7 +46,7 @@ def noise_scale(linear: Linear, problem: Problem, groups: Mapping[str, Array]) -
     if dof < _FEWEST or kept.sum() < _FEWEST:  # few rows: what declared parameters leave, effects included
         return _of_few(linear)
     variance, worth = _without_tails(free.unexplained[kept] ** 2 / free.freedom[kept])
-    return _doubted(variance, worth * dof)
+    return replace(_doubted(variance, worth * dof), rough=True)
 
 
 def chance_of_noise(linear: Linear) -> float:

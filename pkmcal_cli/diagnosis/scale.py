@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtri, fdtrc
+from numpy.typing import NDArray
+from scipy.special import betaincinv, chdtri, fdtrc
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.diagnosis.score import Score, p_of_part
@@ -19,7 +20,8 @@ class Scale:
     """Square of the factor on the stated sigma, and its degrees of freedom.
 
     checked: degrees of freedom of the estimate that the statement was compared with; `whole`: whether what effects do
-    counts as noise in it; `part`: whether statistics are parts of the sum of squares that it was estimated from.
+    counts as noise in it; `rough`: whether what of it no smooth group explains does; `part`: whether statistics are
+    parts of the sum of squares that it was estimated from.
     """
 
     variance: float = 1.0
@@ -27,6 +29,7 @@ class Scale:
     checked: float = _MANY
     whole: bool = False
     part: bool = False
+    rough: bool = False
 
     @property
     def doubted(self) -> bool:
@@ -38,6 +41,18 @@ class Scale:
         if self.part and self.dof < _MANY:
             return p_of_part(statistic, count, self.variance, self.dof)
         return np.asarray(fdtrc(count, self.dof, statistic / (self.variance * count)))
+
+    def least_statistic(self, count: NDArray[np.intp], p: float, doubted: NDArray[np.bool_]) -> Array:
+        """Statistics (P, D) over the variance, from which on p values are below p, of so many numbers (P,) each; with
+        the noise as it is stated, or where the statement is doubted (D,) as it is estimated. For inf: never.
+        """
+        stated = chdtri(count, p)
+        if self.checked >= _MANY:
+            return np.broadcast_to(stated[:, None], (len(count), len(doubted)))
+        rest = self.checked - count if self.whole else np.full(len(count), self.checked)
+        left = betaincinv(0.5 * np.maximum(rest, 1), 0.5 * count, p)  # share of the sum that the statistic leaves
+        estimated = self.checked * (1.0 - left) / (1.0 if self.whole else left)
+        return np.where(doubted, np.where(rest > 0, estimated, np.inf)[:, None], stated[:, None])
 
     def p_of(self, score: Score) -> float:
         """Of one score; 1 where nothing of it can be seen."""

@@ -27,7 +27,7 @@ from pkmcal_cli.diagnosis.search_options import SearchOptions
 from pkmcal_cli.diagnosis.threshold import critical_p, effective_tests, smallest_p
 
 MOST_EFFECTS = 5
-_ODD_ROW = 0.01  # p value that an effect must keep without the row that speaks most for it
+ODD_ROW = 0.01  # p value that an effect must keep without the row that speaks most for it
 BETTER = 0.5  # log evidence by which another set of effects must be better
 _BRANCHES = 4  # ends of a search that are followed
 _DIGITS = 6  # of a log evidence; the rest is rounding, which must not decide between names of one thing
@@ -169,7 +169,7 @@ def stands_on_one_row(scored: Scored, k: int) -> bool:
     linear, score = scored.linear, scored.scores[k]
     signature = linear.tested(scored.hypotheses[k]) @ score.estimate
     piece = int(np.argmax(np.bincount(linear.pieces.ravel(), signature * linear.unexplained)))
-    return scored.scale.p_of(linear.without([piece]).score_of(scored.hypotheses[k])) > _ODD_ROW
+    return scored.scale.p_of(linear.without([piece]).score_of(scored.hypotheses[k])) > ODD_ROW
 
 
 def _bad_rows(search: Search, scored: Scored, alpha: Alpha) -> NDArray[np.intp]:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.diagnosis.detection import Detection, Procedure
+from pkmcal_cli.diagnosis.detection import Detection
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear
 from pkmcal_cli.diagnosis.score import PLAUSIBLE, Score, minimal_detectable
+from pkmcal_cli.diagnosis.trial import Procedure
 
 _KEPT = 0.01  # share of its length below which a hypothesis is absorbed by declared parameters
 _SHARE = 0.2  # of the largest, from which on a parameter is told that absorbs
@@ -83,18 +83,10 @@ class VisibleSizes:
         return self.numbers[self.leading].absorbed_by
 
 
-def visible_sizes(
-    linear: Linear,
-    problem: Problem,
-    hypotheses: Sequence[Hypothesis],
-    scores: Sequence[Score],
-    procedure: Procedure,
-    seed: int,
-) -> tuple[VisibleSizes, ...]:
-    """Of all hypotheses, of which `scores` are at this linearised problem; noise as large as it is estimated."""
-    detection = Detection(linear, problem, hypotheses, scores, seed)
+def visible_sizes(detection: Detection, procedure: Procedure) -> tuple[VisibleSizes, ...]:
+    """Of all its hypotheses; noise as large as it is estimated."""
     noise = float(np.sqrt(procedure.scale.variance))
-    return tuple(_sizes(detection, k, procedure, noise) for k in range(len(hypotheses)))
+    return tuple(_sizes(detection, k, procedure, noise) for k in range(len(detection.hypotheses)))
 
 
 def _sizes(detection: Detection, k: int, procedure: Procedure, noise: float) -> VisibleSizes:
