@@ -19,6 +19,7 @@ from pkmcal_cli.diagnosis.detection import Detection
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear
 from pkmcal_cli.diagnosis.scale import Scale
+from pkmcal_cli.diagnosis.score import log_evidence
 from pkmcal_cli.diagnosis.selection_bias import Acceptance
 from pkmcal_cli.diagnosis.trial import Procedure
 from pkmcal_cli.diagnosis.visible_sizes import absorbing, visible_sizes
@@ -61,13 +62,16 @@ def test_the_promised_size_is_detected_in_80_percent_of_campaigns(name: str) -> 
     direction = np.eye(len(hypothesis.parameters))[score.leading]
     effect = linear.tested(hypothesis) @ direction * found.size(0, direction, KNOWN)
     labels = np.repeat(blocks(setting().ready.problem, hypothesis)[0], linear.channels)
-    columns, told = linear.tested(hypothesis) @ score.basis, 0
-    rng = np.random.default_rng(3)
+    scores = [(part, linear.score_of(part)) for part in hypothesis.nested_parts]
+    parts = [(linear.tested(part) @ s.basis, s) for part, s in scores if s.count]
+    rng, told = np.random.default_rng(3), 0
     for _ in range(500):
         residual = effect + rng.normal(size=len(effect))
-        gradient = columns.T @ linear.free(residual)
-        statistic = float((gradient**2 / score.information).sum())
-        if chdtrc(score.count, statistic) < CRITICAL:
+        free = linear.free(residual)
+        statistics = [float(((columns.T @ free) ** 2 / s.information).sum()) for columns, s in parts]
+        best = int(np.argmax(log_evidence(np.array(statistics), np.array([s.count for _, s in parts]))))
+        columns, of_part = parts[best]
+        if chdtrc(of_part.count, statistics[best]) < CRITICAL:
             told += helped(linear, columns, labels, residual)
     assert told / 500 == pytest.approx(0.8, abs=0.07)
 

@@ -23,6 +23,7 @@ from pkmcal_cli.diagnosis.drawn_noise import SMALL, Columns, DrawnNoise, drawn_n
 from pkmcal_cli.diagnosis.groups import group_columns
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear
+from pkmcal_cli.diagnosis.noise_tests import FREE
 from pkmcal_cli.diagnosis.quadratic import Quadratic
 from pkmcal_cli.diagnosis.score import Score, minimal_detectable
 from pkmcal_cli.diagnosis.selection_bias import Acceptance
@@ -111,13 +112,14 @@ class Detection:
 class _Scheme:
     """All hypotheses that are confirmed by the same folds."""
 
-    linear: Linear
+    columns: Columns
+    channels: int
     drawn: DrawnNoise
     contestants: Contestants
     shapes: NDArray[np.intp]  # their places among columns
     rows: dict[int, NDArray[np.intp]]  # of each row that may carry an effect, places of its values
     carriers: dict[Hypothesis, list[int]]  # rows that may carry one
-    dof: float  # of the noise that shapes leave
+    shaped: Linear  # with the shapes projected out too
 
     @classmethod
     def of(
@@ -139,13 +141,14 @@ class _Scheme:
         drawn = drawn_noise(linear, columns, held_out, besides, fold, seed)
         first, c = columns.values.shape[1] + shapes.shape[1], linear.channels
         return cls(
-            linear=linear,
+            columns=columns,
+            channels=c,
             drawn=drawn,
             contestants=Contestants.of([*hypotheses[0], *hypotheses[1]], scores, drawn),
             shapes=np.arange(columns.values.shape[1], first),
             rows={row: first + c * j + np.arange(c) for j, row in enumerate(rows)},
             carriers=carriers,
-            dof=linear.projecting(linear.projected, extra=shapes).dof if shapes.shape[1] else 1.0,
+            shaped=linear.projecting(linear.projected, extra=shapes if shapes.shape[1] else None),
         )
 
     def trial(self, hypothesis: Hypothesis, direction: Array, procedure: Procedure) -> Trial:
@@ -181,32 +184,30 @@ class _Scheme:
         known = np.hstack([self.drawn.gradient, (self.drawn.information[:, columns] @ direction)[:, None]])
         between = score.basis.T @ self.drawn.information[np.ix_(places, at)]  # (m, C)
         gradient, of_row = score.basis.T @ known[places], known[at]
-        raw = score.basis.T @ self._raw(part, row).T
+        raw = score.basis.T @ self.columns.values[self.channels * row : self.channels * (row + 1), places].T
         out = np.linalg.pinv(self.drawn.information[np.ix_(at, at)], rcond=1e-9)
         rest, information = gradient - between @ out @ of_row, np.diag(score.information) - between @ out @ between.T
         without = Quadratic.of(np.linalg.pinv(information, rcond=1e-9) @ rest, rest)
         return OneRow(Quadratic.of(gradient / score.information[:, None], raw @ of_row), without)
-
-    def _raw(self, part: Hypothesis, row: int) -> Array:
-        """A part's columns (C, p) in a row."""
-        c = self.linear.channels
-        return self.linear.tested(part)[c * row : c * (row + 1)]
 
     def _counted(self, columns: NDArray[np.intp], direction: Array, procedure: Procedure) -> Counted:
         """What of an effect counts as noise, and how the noise is estimated."""
         scale, drawn = procedure.scale, self.drawn
         half = 0.5 * scale.checked
         variance = np.asarray(gammaincinv(half, drawn.chance) / half) if half < _KNOWN else np.ones(len(drawn.chance))
-        if not (scale.whole or scale.rough):
-            return Counted(variance=variance, square=0.0, linear=np.zeros_like(variance), dof=1.0)
         effect = drawn.information[:, columns] @ direction
         square, linear = direction @ effect[columns], direction @ drawn.gradient[columns]
-        if scale.rough and len(self.shapes):
-            among = drawn.information[np.ix_(self.shapes, self.shapes)]
-            weights = np.linalg.lstsq(among, effect[self.shapes], rcond=1e-9)[0]
-            square, linear = square - weights @ effect[self.shapes], linear - weights @ drawn.gradient[self.shapes]
-        dof = scale.checked if scale.whole else self.dof
-        return Counted(variance=variance, square=max(float(square), 0.0), linear=linear, dof=dof)
+        if scale.whole:
+            return Counted(variance=variance, square=float(square) / scale.checked, linear=linear / scale.checked)
+        if not scale.rough:
+            return Counted(variance=variance, square=0.0, linear=np.zeros_like(variance))
+        among = drawn.information[np.ix_(self.shapes, self.shapes)]
+        weights = np.linalg.lstsq(among, effect[self.shapes], rcond=1e-9)[0]
+        square, linear = square - weights @ effect[self.shapes], linear - weights @ drawn.gradient[self.shapes]
+        kept = self.shaped.freedom > FREE
+        left = self.shaped.free(self.columns.values[:, columns] @ direction)[kept]
+        mean = float((left**2 / self.shaped.freedom[kept]).mean())
+        return Counted(variance=variance, square=mean, linear=linear * (mean / max(float(square), 1e-300)))
 
 
 def _of_rows(linear: Linear, rows: Sequence[int]) -> Array:

@@ -83,54 +83,85 @@ def drawn_noise(linear: Linear, columns: Columns, held_out: int, besides: Array,
     declared = [linear.of(linear.projected), *([] if linear.extra is None else [linear.extra])]
     x, d = np.hstack([*declared, columns.values, besides]), len(prior)
     x[:, (x**2).sum(axis=0) < _ROUNDING] = 0.0  # what moves nothing, and is not even the same everywhere
-    rng = np.random.default_rng([seed, 11])
-    size, last = len(linear.projected), d + held_out
-    transform = np.eye(x.shape[1])  # parameters to directions, after drawing: these are not the same everywhere
-    transform[:size, :size] = linear.spectrum.vectors
-    whole, score = np.zeros((x.shape[1], x.shape[1])), np.zeros((x.shape[1], _DRAWS))
-    grams, noises, count = [], [], []
+    rng, last = np.random.default_rng([seed, 11]), d + held_out
+    vectors = linear.spectrum.vectors  # applied after drawing: directions are not the same everywhere
+    whole, inside = _Products.none(x.shape[1]), []
     for f in np.unique(fold):
-        part = x[fold == f]
-        gram, noise = part.T @ part, _noise(part, rng)
-        whole, score = whole + gram, score + noise
-        if f >= 0:
-            t = transform[:last, :last]
-            grams.append(t @ gram[:last, :last] @ t.T)
-            noises.append(t @ noise[:last])
-            count.append(len(part))
-    whole, score = transform @ whole @ transform.T, transform @ score
-    normal = whole[:d, :d] + _at_least(prior, SMALL**2)
-    near = np.linalg.solve(normal, np.hstack([whole[:d, d:], score[:d]]))
-    left = np.hstack([whole[d:, d:], score[d:]]) - whole[d:, :d] @ near
-    q, held = len(left), _at_least(prior, SMALL)
-    products = zip(grams, noises, strict=True)
-    parts = [_fold(g, n, whole[:last, :last] - g, score[:last] - n, held) for g, n in products]
-    folds = Folds(*(np.stack(arrays) for arrays in zip(*parts, strict=True)), np.array(count, dtype=float))
+        products = _Products.of(x[fold == f], rng)
+        whole = whole.plus(products)
+        inside += [products.first(last).transformed(vectors)] if f >= 0 else []
+    whole = whole.transformed(vectors)
+    normal = whole.gram[:d, :d] + _at_least(prior, SMALL**2)
+    near = np.linalg.solve(normal, np.hstack([whole.gram[:d, d:], whole.noise[:d]]))
+    left = np.hstack([whole.gram[d:, d:], whole.noise[d:]]) - whole.gram[d:, :d] @ near
     return DrawnNoise(
-        places=columns.places, information=left[:, :q], gradient=left[:, q:], folds=folds, chance=rng.random(_DRAWS)
+        places=columns.places,
+        information=left[:, : len(left)],
+        gradient=left[:, len(left) :],
+        folds=_folds(inside, whole.first(last), _at_least(prior, SMALL)),
+        chance=(rng.permutation(_DRAWS) + 0.5) / _DRAWS,
     )
 
 
-def _noise(columns: Array, rng: np.random.Generator) -> Array:
-    """Products (q, D) of columns (n, q) with noise."""
-    if len(columns) < _MANY * columns.shape[1]:
-        return columns.T @ rng.normal(size=(len(columns), _DRAWS))
-    return _root(columns.T @ columns) @ rng.normal(size=(columns.shape[1], _DRAWS))
+@dataclass(frozen=True)
+class _Products:
+    """Of columns of some rows with each other (q, q), and with noise (q, D); how many values these are."""
+
+    gram: Array
+    noise: Array
+    count: int
+
+    @classmethod
+    def none(cls, size: int) -> _Products:
+        return cls(np.zeros((size, size)), np.zeros((size, _DRAWS)), 0)
+
+    @classmethod
+    def of(cls, columns: Array, rng: np.random.Generator) -> _Products:
+        """Of columns (n, q)."""
+        (n, q), gram = columns.shape, columns.T @ columns
+        if n < _MANY * q:
+            return cls(gram, columns.T @ rng.normal(size=(n, _DRAWS)), n)
+        return cls(gram, _root(gram) @ rng.normal(size=(q, _DRAWS)), n)
+
+    def transformed(self, matrix: Array) -> _Products:
+        """The first columns in other directions (d, d)."""
+        d, gram, noise = len(matrix), self.gram.copy(), self.noise.copy()
+        gram[:d], noise[:d] = matrix @ gram[:d], matrix @ noise[:d]
+        gram[:, :d] = gram[:, :d] @ matrix.T
+        return _Products(gram, noise, self.count)
+
+    def first(self, size: int) -> _Products:
+        return _Products(self.gram[:size, :size], self.noise[:size], self.count)
+
+    def plus(self, other: _Products) -> _Products:
+        return _Products(self.gram + other.gram, self.noise + other.noise, self.count + other.count)
+
+    def minus(self, other: _Products) -> _Products:
+        return _Products(self.gram - other.gram, self.noise - other.noise, self.count - other.count)
 
 
-def _fold(gram: Array, noise: Array, train: Array, trained: Array, held: Array) -> tuple[Array, Array, Array, Array]:
-    """Products in a fold (d + Q, d + Q), (d + Q, D), and in the others, with declared directions fitted to these."""
-    d = len(held)
-    normal = train[:d, :d] + held
-    fitted = np.linalg.solve(normal, np.hstack([train[:d, d:], trained[:d]]))  # (d, Q + D)
-    q = gram.shape[0] - d
+def _folds(inside: Sequence[_Products], whole: _Products, held: Array) -> Folds:
+    if not inside:
+        q, draws = len(whole.gram) - len(held), whole.noise.shape[1]
+        none = np.zeros((0, q, q)), np.zeros((0, q, draws))
+        return Folds(*none, *none, np.zeros(0))
+    parts = [_fold(p, whole.minus(p), held) for p in inside]
+    columns, noise, train, trained = (np.stack(arrays) for arrays in zip(*parts, strict=True))
+    return Folds(columns, noise, train, trained, np.array([p.count for p in inside], dtype=float))
+
+
+def _fold(inside: _Products, outside: _Products, held: Array) -> tuple[Array, Array, Array, Array]:
+    """Products (d + Q) in a fold and in the others, with declared directions fitted to these."""
+    d, q = len(held), len(inside.gram) - len(held)
+    normal = outside.gram[:d, :d] + held
+    fitted = np.linalg.solve(normal, np.hstack([outside.gram[:d, d:], outside.noise[:d]]))  # (d, Q + D)
     by_columns, by_noise = fitted[:, :q], fitted[:, q:]
-    outside = gram[d:, :d] - by_columns.T @ gram[:d, :d]  # (Q, d): test columns times the declared ones
-    columns = gram[d:, d:] - by_columns.T @ gram[:d, d:] - outside @ by_columns
-    seen = noise[d:] - by_columns.T @ noise[:d] - outside @ by_noise
-    left = train[d:, d:] - train[d:, :d] @ by_columns
-    score = trained[d:] - train[d:, :d] @ by_noise
-    return columns, seen, left, score
+    left = inside.gram[d:, :d] - by_columns.T @ inside.gram[:d, :d]  # (Q, d): test columns times the declared ones
+    columns = inside.gram[d:, d:] - by_columns.T @ inside.gram[:d, d:] - left @ by_columns
+    seen = inside.noise[d:] - by_columns.T @ inside.noise[:d] - left @ by_noise
+    train = outside.gram[d:, d:] - outside.gram[d:, :d] @ by_columns
+    trained = outside.noise[d:] - outside.gram[d:, :d] @ by_noise
+    return columns, seen, train, trained
 
 
 def _at_least(prior: Array, least: float) -> Array:

@@ -27,7 +27,7 @@ _FEWEST = 20  # values that must be free once shapes are projected out
 _REPEATED = 20  # degrees of freedom from which repeated poses tell the noise
 _DOUBT = 0.2  # the stated sigma is kept unless so improbable: an estimate costs little, a sigma too small false alarms
 _ALIKE = 1e-4  # p value below which successive rows are not independent
-_FREE = 0.2  # share of a value's variance that must be left once shapes are projected out
+FREE = 0.2  # share of a value's variance that must be left once shapes are projected out
 _SPARED = 4  # squares left out where there are few
 _TRIM = 0.05  # share of the largest squares left out, so that bad rows do not count as noise
 
@@ -41,7 +41,7 @@ def noise_scale(linear: Linear, problem: Problem, groups: Mapping[str, Array]) -
         return Scale(max(linear.chi2 / linear.dof, _LEAST), float(linear.dof), float(linear.dof))
     shapes = np.hstack([*_none(linear), *map(linear.whitened, groups.values())])
     free = linear.projecting(linear.projected, extra=shapes)
-    kept = free.freedom > _FREE  # else the shapes follow the value
+    kept = free.freedom > FREE  # else the shapes follow the value
     dof = free.dof
     if dof < _FEWEST or kept.sum() < _FEWEST:  # few rows: what declared parameters leave, effects included
         return _of_few(linear)
@@ -56,7 +56,7 @@ def chance_of_noise(linear: Linear) -> float:
     others, or noise with tails would be too large noise.
     """
     free = linear.projecting((), extra=linear.fixed[0])
-    dof, kept = float(free.freedom.sum()), free.freedom > _FREE
+    dof, kept = float(free.freedom.sum()), free.freedom > FREE
     if not kept.any():
         return 1.0
     squares = free.unexplained[kept] ** 2 / free.freedom[kept]
@@ -112,7 +112,7 @@ def _pure_error(linear: Linear, problem: Problem, groups: Mapping[str, Array]) -
     label = label.ravel()
     channels = problem.readings.shape[1]
     free = linear.projecting(linear.projected, extra=np.hstack([*_none(linear), *slow]))
-    residual = free.unexplained / np.sqrt(np.maximum(free.freedom, _FREE)) if slow else linear.residual
+    residual = free.unexplained / np.sqrt(np.maximum(free.freedom, FREE)) if slow else linear.residual
     residual = residual.reshape(-1, channels)
     whole = linear.on.all(axis=1)
     counts = np.bincount(label[whole])

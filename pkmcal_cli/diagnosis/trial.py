@@ -64,17 +64,18 @@ class Check:
 
 @dataclass(frozen=True, kw_only=True)
 class Counted:
-    """What of an effect counts as noise: its square, products with noise (D,), over degrees of freedom; variance (D,) of
-    the noise as it is estimated without it, over the true one."""
+    """What of an effect counts as noise: its square, and products with noise (D,).
+
+    variance (D,) of the noise as it is estimated without it, over the true one.
+    """
 
     variance: Array
     square: float
     linear: Array
-    dof: float
 
     def at(self, size: float) -> Array:
         """Estimated variances (D,) with an effect of this size."""
-        return self.variance + (size**2 * self.square + 2 * size * self.linear) / self.dof
+        return self.variance + size**2 * self.square + 2 * size * self.linear
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,7 @@ from typing import Any
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.bench_measurements import BenchProposal
-from pkmcal_cli.diagnosis.experiment_design import Aim, Plan, Visibility
+from pkmcal_cli.diagnosis.experiment_design import ALIKE, Aim, Plan, Visibility
 from pkmcal_cli.diagnosis.power import Rates
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.language.machine import Machine
@@ -143,6 +143,8 @@ class PlanReport:
         why = f"absorbed by {', '.join(v.absorbed_by)}" if v.absorbed_by else worst_text(self.model, v)
         if not v.mdb < NEVER * v.plausible and not why:
             why = "no effect on these readings"
+        elif v.cosine > ALIKE and not v.absorbed_by and not v.detected < NEVER * v.plausible:
+            why = f"taken for {v.rival}" + (f"; {why}" if why else "")
         return v.hypothesis.name, *sizes, v.rival, f"{v.cosine:.2f}" if v.rival else "", why
 
     def _show_added(self, to: Reporter) -> None:
