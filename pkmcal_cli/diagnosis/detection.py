@@ -30,7 +30,7 @@ from pkmcal_cli.diagnosis.selection_bias import Acceptance
 from pkmcal_cli.diagnosis.trial import Check, Counted, OneRow, Procedure, Trial
 
 _DETECTED = 0.8
-_HALVINGS = 8  # of an interval of a factor of two: much finer than so many draws tell
+_HALVINGS = 6  # of an interval of a factor of two: finer than so many draws tell
 _TRIED, _SHOWN = 24, 20.0  # sizes from which is learned how effects are accepted, up to so many standard uncertainties
 _SMOOTH = 0.15  # standard uncertainties
 _KNOWN = 1e8  # degrees of freedom, half
@@ -196,18 +196,19 @@ class _Scheme:
         half = 0.5 * scale.checked
         variance = np.asarray(gammaincinv(half, drawn.chance) / half) if half < _KNOWN else np.ones(len(drawn.chance))
         effect = drawn.information[:, columns] @ direction
-        square, linear = direction @ effect[columns], direction @ drawn.gradient[columns]
+        linear = direction @ drawn.gradient[columns]
         if scale.whole:
-            return Counted(variance=variance, square=float(square) / scale.checked, linear=linear / scale.checked)
+            square = float(direction @ effect[columns])
+            return Counted(variance=variance, square=square / scale.checked, linear=linear / scale.checked)
         if not scale.rough:
             return Counted(variance=variance, square=0.0, linear=np.zeros_like(variance))
         among = drawn.information[np.ix_(self.shapes, self.shapes)]
         weights = np.linalg.lstsq(among, effect[self.shapes], rcond=1e-9)[0]
-        square, linear = square - weights @ effect[self.shapes], linear - weights @ drawn.gradient[self.shapes]
-        kept = self.shaped.freedom > FREE
-        left = self.shaped.free(self.columns.values[:, columns] @ direction)[kept]
-        mean = float((left**2 / self.shaped.freedom[kept]).mean())
-        return Counted(variance=variance, square=mean, linear=linear * (mean / max(float(square), 1e-300)))
+        linear = linear - weights @ drawn.gradient[self.shapes]
+        left = self.shaped.free(self.columns.values[:, columns] @ direction)
+        kept, whole = self.shaped.freedom > FREE, float(left @ left)
+        mean = float((left[kept] ** 2 / self.shaped.freedom[kept]).mean())
+        return Counted(variance=variance, square=mean, linear=linear * (mean / whole if whole > 0 else 0.0))
 
 
 def _of_rows(linear: Linear, rows: Sequence[int]) -> Array:

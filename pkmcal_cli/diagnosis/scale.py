@@ -42,17 +42,17 @@ class Scale:
             return p_of_part(statistic, count, self.variance, self.dof)
         return np.asarray(fdtrc(count, self.dof, statistic / (self.variance * count)))
 
-    def least_statistic(self, count: NDArray[np.intp], p: float, doubted: NDArray[np.bool_]) -> Array:
-        """Statistics (P, D) over the variance, from which on p values are below p, of so many numbers (P,) each; with
-        the noise as it is stated, or where the statement is doubted (D,) as it is estimated. For inf: never.
+    def least_statistics(self, count: NDArray[np.intp], p: float) -> tuple[Array, Array]:
+        """Statistics (P,) over the variance, from which on p values are below p, of so many numbers (P,) each: with
+        the noise as it is stated, and as it is estimated; inf: never.
         """
         stated = chdtri(count, p)
         if self.checked >= _MANY:
-            return np.broadcast_to(stated[:, None], (len(count), len(doubted)))
+            return stated, stated
         rest = self.checked - count if self.whole else np.full(len(count), self.checked)
         left = betaincinv(0.5 * np.maximum(rest, 1), 0.5 * count, p)  # share of the sum that the statistic leaves
         estimated = self.checked * (1.0 - left) / (1.0 if self.whole else left)
-        return np.where(doubted, np.where(rest > 0, estimated, np.inf)[:, None], stated[:, None])
+        return stated, np.where(rest > 0, estimated, np.inf)
 
     def p_of(self, score: Score) -> float:
         """Of one score; 1 where nothing of it can be seen."""

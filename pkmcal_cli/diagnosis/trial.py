@@ -1,14 +1,15 @@
 """Campaigns with one effect of any size: whether a diagnosis names it, by the noise that was drawn.
 
-It is named if one of the hypotheses that explain the residual is accepted, and it is among those that hold 95 % of the
-evidence. Accepted is what is significant, does not stand on one row, and helps rows held out; the latter two are
-judged for the effect itself.
+It is named if it is among those hypotheses that hold 95 % of the evidence, and one that has as much of it is accepted.
+Accepted is what is significant, does not stand on one row, and helps rows held out; the latter two are judged for the
+effect itself.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,19 +96,26 @@ class Trial:
         """Statistics (D,) of campaigns with an effect of this size, and whether it is named."""
         contest, (variance, doubted) = self.contest, self._scale(size)
         statistic = contest.squares.at(size)
-        evidence = log_evidence(statistic / variance, contest.count[:, None])
+        ratio = statistic / variance
+        evidence = log_evidence(ratio, contest.count[:, None])
         evidence += np.array([tail_of(size * far) for far in contest.far])[:, None]
-        significant = (statistic / variance > self._limit(contest.count, doubted)) & (evidence > 0)
+        significant = (ratio > _where(doubted, self._limits)) & (evidence > 0)
         evidence += contest.preference[:, None]
-        best = _best(evidence, contest.hypothesis)  # (H, D) number of the part
-        draws = np.arange(statistic.shape[1])
-        of_best, significant = evidence[best, draws], significant[best, draws]
-        for k, parts in enumerate(contest.groups):
+        best = np.argmax(evidence[: len(self.checks)], axis=0)  # part of the hypothesis that stands for it
+        draws = np.arange(len(best))
+        reached = evidence >= evidence[best, draws]
+        named = (significant & reached).any(axis=0) & self._credible(evidence)
+        return statistic[best, draws], named & self._checked(size, best, variance, doubted)
+
+    def _credible(self, evidence: Array) -> NDArray[np.bool_]:
+        """Whether (D,) its hypothesis is among those that hold 95 % of the evidence of parts (P, D)."""
+        of_each = np.maximum.reduceat(evidence, np.flatnonzero(np.diff(self.contest.hypothesis, prepend=-1)), axis=0)
+        for k, parts in enumerate(self.contest.groups):
             if len(parts):
-                of_best[k, of_best[parts].max(axis=0) >= of_best[k]] = -np.inf
-        near = _among_credible(of_best)
-        named = near[0] & (near & significant).any(axis=0) & self._checked(size, best[0], variance, doubted)
-        return statistic[best[0], draws], named
+                of_each[k, of_each[parts].max(axis=0) >= of_each[k]] = -np.inf
+        weight = np.exp(of_each - of_each.max(axis=0))
+        before = np.where(of_each > of_each[0], weight, 0.0).sum(axis=0)
+        return np.asarray(before < CREDIBLE * weight.sum(axis=0))
 
     def _checked(
         self, size: float, part: NDArray[np.intp], variance: Array, doubted: NDArray[np.bool_]
@@ -119,13 +127,14 @@ class Trial:
             if check.rows:
                 most = np.argmax([row.contribution.at(size) for row in check.rows], axis=0)
                 without = np.stack([row.without.at(size) for row in check.rows])[most, np.arange(len(most))]
-                least = self.procedure.scale.least_statistic(np.array([check.count]), ODD_ROW, doubted)[0]
-                passed &= without / variance >= least
+                limits = self.procedure.scale.least_statistics(np.array([check.count]), ODD_ROW)
+                passed &= without / variance >= _where(doubted, limits)[0]
             out |= passed & (part == k)
         return out
 
-    def _limit(self, count: NDArray[np.intp], doubted: NDArray[np.bool_]) -> Array:
-        return self.procedure.scale.least_statistic(count, self.procedure.critical, doubted)
+    @cached_property
+    def _limits(self) -> tuple[Array, Array]:
+        return self.procedure.scale.least_statistics(self.contest.count, self.procedure.critical)
 
     def _scale(self, size: float) -> tuple[Array, NDArray[np.bool_]]:
         """Estimated variances (D,) over the true one, 1 where the statement stands; whether it does not."""
@@ -134,19 +143,6 @@ class Trial:
         return np.where(doubted, variance, 1.0), doubted
 
 
-def _best(evidence: Array, hypothesis: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Number (H, D) of the part with most evidence (P, D) of each hypothesis."""
-    starts = np.flatnonzero(np.diff(hypothesis, prepend=-1))
-    ends = np.append(starts[1:], len(hypothesis))
-    return np.stack([a + np.argmax(evidence[a:b], axis=0) for a, b in zip(starts, ends, strict=True)])
-
-
-def _among_credible(evidence: Array) -> NDArray[np.bool_]:
-    """Which hypotheses (H, D) hold 95 % of the evidence (H, D), each draw's best first."""
-    weight = np.exp(evidence - evidence.max(axis=0))
-    order = np.argsort(-evidence, axis=0, kind="stable")
-    ranked = np.take_along_axis(weight, order, axis=0)
-    before = np.cumsum(ranked, axis=0) - ranked
-    out = np.zeros(evidence.shape, dtype=bool)
-    np.put_along_axis(out, order, before < CREDIBLE * weight.sum(axis=0), axis=0)
-    return out
+def _where(doubted: NDArray[np.bool_], limits: tuple[Array, Array]) -> Array:
+    """Limits (P, D) with stated noise, and with estimated noise where the statement is doubted (D,)."""
+    return np.where(doubted, limits[1][:, None], limits[0][:, None])
