@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import select
@@ -19,15 +20,18 @@ from pkmcal_cli.compiler import compile_machine
 from pkmcal_cli.diagnosis.confirm import blocks
 from pkmcal_cli.diagnosis.detection import Detection
 from pkmcal_cli.diagnosis.experiment_design import expected_procedure
-from pkmcal_cli.diagnosis.hypotheses import Hypothesis, candidates
+from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates, Hypothesis, candidates
+from pkmcal_cli.diagnosis.known_results import KnownResults
 from pkmcal_cli.diagnosis.linear import Linear, linear_problem
-from pkmcal_cli.diagnosis.scoring import Scored, scored
+from pkmcal_cli.diagnosis.scale import Scale
+from pkmcal_cli.diagnosis.scoring import Scored, Search, score_all, scored
 from pkmcal_cli.diagnosis.search import stands_on_one_row
 from pkmcal_cli.diagnosis.trial import Procedure
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.tables.measurements import read_measurements
 from tests.command import MACHINES
 from tests.test_detection import helped
+from tests.test_diagnosis_linear import setting, synthetic
 
 DRAWS = 200
 
@@ -97,8 +101,40 @@ def share(few: Few, name: str) -> float:
     ("machine", "rows", "name"),
     [
         ("triglide-nonredundant", 30, "straight@rail.y"),
+        ("triglide-nonredundant", 30, "guide_angle@rail.y"),
+        ("scissors", 20, "straight@left.x"),
     ],
 )
 def test_the_promised_size_is_detected_in_80_percent_of_campaigns(machine: str, rows: int, name: str) -> None:
     """Within three standard deviations of both counts, 10 %."""
     assert share(few(machine, rows), name) == pytest.approx(0.8, abs=0.1)
+
+
+def test_an_effect_that_another_name_says_with_fewer_numbers_is_never_detected() -> None:
+    """Of three numbers the first moves the readings as a parameter does that is held: that is named, not the effect."""
+    problem, count = setting().ready.problem, len(setting().linear.residual)
+    columns = 20 * np.random.default_rng(4).normal(size=(count, 6))
+    linear = replace(synthetic(columns, 3, np.zeros(count)), channels=setting().linear.channels)
+    effect = Hypothesis(effect="tool", at="tracker", parameters=("p3", "p4", "p5"))
+    parameter = Hypothesis(effect=RELEASE, at="p3", parameters=("p3",))
+    procedure, first = Procedure(1e-4, Scale()), np.array([1.0, 0.0, 0.0])
+    by_itself = Detection(linear, problem, [effect], 0).size(0, first, procedure)
+    beside = Detection(linear, problem, [effect, parameter], 0)
+    assert np.isfinite(by_itself) and beside.size(0, first, procedure) == np.inf
+    assert beside.size(1, np.ones(1), procedure) < by_itself
+
+
+def test_scores_of_a_whole_effect_do_not_stand_for_its_best_part() -> None:
+    """Whatever was scored before at the same solution."""
+    case = few("triglide-nonredundant", 30)
+    effect = next(h for h in case.hypotheses if h.name == "pitch_curve@q1")
+    search = Search(
+        candidates=Candidates(case.problem.model, case.hypotheses, ()),
+        problem=case.problem,
+        declared=case.linear.projected,
+        fit=identify(case.problem, case.linear.projected),
+    )
+    whole, best = score_all(search, [effect.whole]), score_all(search, [effect])
+    assert len(whole.hypotheses[0].parameters) == 5
+    assert best.hypotheses == score_all(replace(search, known=KnownResults()), [effect]).hypotheses
+    assert len(best.hypotheses[0].parameters) < 5
