@@ -94,7 +94,7 @@ def run_check(request: CheckRequest) -> int:
         if request.parameters is not None and result["measurements"]["n_values"]:
             from pkmcal_cli.workflow.verify import verify
 
-            verification = verify(loaded, measured, start, request.parameters, tolerance, to, table.lost)
+            verification = verify(loaded, measured, start, request.parameters, tolerance, to, faulty=table.lost)
             result["verification"], agrees = verification.json(), verification.ok
     return _finish(_End(to, as_json, result, inputs), faults, total, agrees)
 
