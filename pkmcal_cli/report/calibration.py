@@ -78,8 +78,8 @@ class CalibrationReport:
         implausible += implausible_rows(fit)
         self.implausible = (*mistakes, *implausible) if fit.status == "converged" else ()
         more = unexplained(fit, self.budget, calibration.robust)
-        bench = odd.bench if calibration.robust.loss == "squares" else ()  # a robust loss does without them
-        reasons = (*(each.text for each in more), *(each.text for each in bench))
+        beyond = odd.texts if calibration.robust.loss == "squares" else ()  # a robust loss does without them
+        reasons = (*(each.text for each in more), *beyond)
         self.incomplete = reasons if fit.status == "converged" and not self.implausible else ()
         self.rows = parameter_rows(self.model, fit, intervals, self.budget, self.ranges.far)
         self.failed = FailedRows(fit.failed, row_origin, len(problem))

@@ -24,7 +24,7 @@ from pkmcal_cli.report.bench_text import BenchText
 from pkmcal_cli.report.odd_readings import OddReadings
 
 _CHANCE, _ODD = 3e-3, 6.0  # chance for the whole table, and standard deviations, from which on a row is no noise
-_GROSS = 15.0  # standard deviations from which on it spoils a fit by least squares
+_GROSS = 18.0  # standard deviations from which on it spoils a fit by least squares
 _MOST = 0.1  # share of the rows; twice what a diagnosis takes out, since nothing is taken out here
 
 

@@ -16,8 +16,8 @@ status converged|incomplete|not_converged|nothing_identifiable|implausible: `con
     believed
 implausible[] text: why not
 incomplete[] text: instruments whose residuals are larger than their stated noise and parameters that are not
-    identified can make them, and by what factor; bench readings that the table contradicts; empty unless `status` is
-    `incomplete`
+    identified can make them, and by what factor; rows and bench readings that the others contradict; empty unless
+    `status` is `incomplete`
 n_rows integer: number of rows in all tables
 n_failed integer: number of rows without a prediction, not used
 failed[].file text: such a row
