@@ -18,13 +18,13 @@ def share(readings: np.ndarray, jacobian: np.ndarray, held: np.ndarray, std: np.
     """Of one instrument and a fit by least squares of columns (n, p), beside held ones (n, h)."""
     gain = np.linalg.inv(jacobian.T @ jacobian)
     residual = readings - jacobian @ (gain @ (jacobian.T @ readings))
-    both = np.hstack([jacobian, held])
+    both = np.hstack([jacobian, held * std])
     said = Evidence(
         information=(both.T @ both)[None], score=(both.T @ residual)[None], squares=np.array([residual @ residual]),
         counts=np.array([len(readings)]), freedom=np.array([10.0]), centre=np.zeros(both.shape[1]),
         kinds=("length",) * both.shape[1], estimated=np.arange(both.shape[1]) < len(gain),
     )  # fmt: skip
-    return held_share(("a", "b"), said, gain, std)
+    return held_share(("a", "b"), said, gain)
 
 
 def test_what_is_left_is_chi_square_with_the_covariance_of_noise_and_offsets() -> None:
@@ -41,10 +41,20 @@ def test_what_is_left_is_chi_square_with_the_covariance_of_noise_and_offsets() -
     assert found.squares[0] > 5 * found.left_of_all()
 
 
+def test_offsets_far_beyond_the_ranges_explain_nothing() -> None:
+    """One offset of 5.5 standard deviations is lost among 33 degrees of freedom, but not by itself."""
+    rng = np.random.default_rng(6)
+    jacobian, held = rng.normal(size=(40, 5)), 5.0 * rng.normal(size=(40, 2))
+    noise = rng.normal(size=40)
+    good, bad = (share(noise + held[:, 0] * far, jacobian, held, np.ones(2)) for far in (2.0, 5.5))
+    assert good.within and good.left_of_all() < 60
+    assert not bad.within and bad.left == pytest.approx(bad.squares) and bad.left_of_all() == bad.squares.sum()
+
+
 def test_those_are_named_that_explain_most() -> None:
     rng = np.random.default_rng(5)
     jacobian, held = rng.normal(size=(40, 5)), rng.normal(size=(40, 2))
-    readings = rng.normal(size=40) + 20.0 * held[:, 1]
+    readings = rng.normal(size=40) + 20.0 * held[:, 1]  # two of the standard deviations below
     assert share(readings, jacobian, held, np.full(2, 10.0)).named() == ("b",)
     assert share(0.0 * readings, jacobian, held, np.ones(2)).named() == ()
 

@@ -171,7 +171,7 @@ def error_budget(
         scales=scales,
         counts=groups.counts,
         worth=groups.freedom,
-        share=held_share(held, said, gain, np.maximum(scales.typical[p:], 1.0)),
+        share=held_share(held, said, gain),
         once=groups.once,
         known_by="the ranges" if prior is None or not prior.stated else "the prior",
     )

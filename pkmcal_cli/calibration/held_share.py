@@ -8,15 +8,18 @@ r^T (1 + A V A^T)^-1 r is the least of |r - A h|^2 + h^T V^-1 h: chi-square, whe
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtrc
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.range_scales import Evidence
 
 _REST = 0.1  # share of the chi-square that held parameters explain which those that are named may leave
 _NAMED = 4
+_BEYOND = 1e-3  # chance of offsets so large if ranges are right
 
 
 @dataclass(frozen=True)
@@ -31,15 +34,28 @@ class HeldShare:
     information: Array
     score: Array
 
+    @cached_property
+    def within(self) -> bool:
+        """Whether offsets need not be larger than ranges allow, in the directions that they move more than noise does.
+
+        Among all equations together, few directions in which they are far too large would not show.
+        """
+        size, vectors = np.linalg.eigh(self.information.sum(axis=0))
+        seen = size > 1.0
+        along = (vectors.T @ self.score.sum(axis=0))[seen] ** 2 / (size[seen] * (1.0 + size[seen]))
+        return bool(chdtrc(max(len(along), 1), along.sum()) >= _BEYOND)
+
     @property
     def left(self) -> Array:
-        """Squares (G,) of the residuals of each instrument that no offsets explain."""
+        """Squares (G,) of the residuals of each instrument that no offsets within ranges explain."""
+        if not self.within:
+            return self.squares
         parts = zip(self.squares, self.information, self.score, strict=True)
         return np.array([square - _explained(a, b) for square, a, b in parts])
 
     def left_of_all(self) -> float:
         """The same of all instruments together, for which offsets are the same."""
-        return float(self.squares.sum()) - self._by(range(len(self.names)))
+        return float(self.squares.sum()) - (self._by(range(len(self.names))) if self.within else 0.0)
 
     def named(self) -> tuple[str, ...]:
         """The few parameters that explain most of what all of them explain, one after the other; () for none."""
@@ -62,13 +78,13 @@ def _explained(information: Array, score: Array) -> float:
     return float(score @ np.linalg.solve(np.eye(len(score)) + information, score))
 
 
-def held_share(names: tuple[str, ...], said: Evidence, gain: Array, spread: Array) -> HeldShare:
+def held_share(names: tuple[str, ...], said: Evidence, gain: Array) -> HeldShare:
     """Of h held parameters `names`, by what instruments say of p identified ones and, after them, of these.
 
-    gain (p, p): of the fit, by which J^T y gives its estimate; spread (h,): standard deviations of the held ones; both
-    in half ranges.
+    gain (p, p): of the fit, by which J^T y gives its estimate, in half ranges. Ranges are those that are stated: what
+    the model lacks throws identified parameters off, and would widen those of the held ones, which then explain it.
     """
     p = len(gain)
     follow = -gain @ said.information.sum(axis=0)[:p, p:]  # (p, h)
-    way = np.vstack([follow, np.eye(len(names))]) * spread  # (q, h): of all parameters with a held one
+    way = np.vstack([follow, np.eye(len(names))])  # (q, h): of all parameters with a held one
     return HeldShare(names, said.squares, way.T @ said.information @ way, said.score @ way)

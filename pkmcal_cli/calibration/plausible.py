@@ -13,7 +13,7 @@ USABLE = ("converged", "incomplete")
 """How a fit ends whose parameters can be used."""
 _FAR = 10.0  # effective ranges off nominal
 _WIDER = 3.0  # times the range of the machine file: no kind is wider effectively, as one cause may throw all far off,
-_BUILT = 1e-4  # but where that is less than this, of the machine's size or rad: machines are built no better
+_BUILT = 5e-5  # but where that is less than this, of the machine's size or rad: machines are built no better
 _LEFT, _LARGE = 1 / 3, 1e-2  # share of the rms before, and of the machine's size, that a fit of good data goes below
 _LOST = 1 / 4  # share of rows without prediction that a fit of good data does not leave
 _WEIGHTY = 0.1  # weight below which a reading is left out

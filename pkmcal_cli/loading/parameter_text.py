@@ -85,8 +85,7 @@ def dump_parameters(
     if correlations is not None:
         lines += [
             "# For sums of parameters. One factor multiplies all std here, so that what cancels in sums still does:",
-            "# they may differ from those in `parameters`, each right by itself, and from half the range of what is",
-            "# held.",
+            "# they may differ from those in `parameters`, each right by itself, and from half ranges of what is held.",
             "correlations: # of all that is uncertain; std of what is held: half its range, as it turned out",
         ]
         lines.append(f"  names: [{', '.join(scalar(n) for n in correlations.names)}]")

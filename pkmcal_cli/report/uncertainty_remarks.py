@@ -71,6 +71,8 @@ def residuals_text(fit: Fit, budget: ErrorBudget) -> list[str]:
         return []
     lines = [f"The residuals are {np.sqrt(fit.chi2_per_dof):.3g} times larger than the stated noise."]
     lacking = "The model lacks an effect, or sigma is too small."
+    if not budget.share.within:
+        lacking = f"{lacking[:-1]}, or parameters that are not identified are further off than their ranges."
     if not (names := ",".join(held_that_explain(fit, budget))):
         return [*lines, lacking]
     remedy = f"(`--select auto,{names}`)"
