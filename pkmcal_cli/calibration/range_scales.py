@@ -4,8 +4,8 @@ The true offset of a parameter, in half ranges, is normal with variance tau^2 / 
 kind (length, angle, stiffness, zero of a drive); w to the parameter alone, so one that is wild widens no other (1 for
 those that are not identified, of which nothing is learned). The variance of an instrument's noise is phi times what is
 stated. A weak prior says that what is stated is right: tau log-normal about 1 (two of three are within a factor of 2
-either way, and one of a thousand is off by any factor: a wrong unit), w about 1 with 10 degrees of freedom, phi with
-what the stated sigma is worth. The problem is linear here, so all is drawn by Gibbs sampling (Gelman et al. 2013,
+either way, and one of a thousand is too small by any factor: a wrong unit), w about 1 with 10 degrees of freedom, phi
+with what the stated sigma is worth. The problem is linear here, so all is drawn by Gibbs sampling (Gelman et al. 2013,
 Bayesian Data Analysis, ch. 11), tau on a grid (Ritter and Tanner 1992), always with the same random numbers.
 """
 
@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.rotation import Array
 
 _FACTOR = 2.0  # by which ranges are off: one standard deviation
-_SLIPPED = 1e-3  # share of ranges that are off by any factor: in a wrong unit
+_SLIPPED = 1e-3  # share of ranges that are too small by any factor: in a wrong unit; too wide ones do no harm
 LOG_TAU = np.linspace(-4.0, 14.0, 721)
 """Logarithms of the factors that are considered."""
 LOG_PRIOR = np.log(
     (1.0 - _SLIPPED) * np.exp(-0.5 * (LOG_TAU / np.log(_FACTOR)) ** 2) / (np.log(_FACTOR) * np.sqrt(2.0 * np.pi))
-    + _SLIPPED / (LOG_TAU[-1] - LOG_TAU[0])
+    + np.where(LOG_TAU > 0.0, _SLIPPED / LOG_TAU[-1], 0.0)
 )
 """Logarithms of their density before the data."""
 _HALF_PRECISION = 0.5 * np.exp(-2.0 * LOG_TAU)
