@@ -75,3 +75,11 @@ def test_draws_begin_where_they_arrive() -> None:
     assert 2000 < np.median(found.factors["length"]) < 6000 and 0.7 < found.typical_noise[0] < 1.4
     assert first_factors(evidence([6000.0, 1.0, -0.5, 0.8, 1.2], 10.0)) == pytest.approx(np.ones(5))
     assert first_factors(evidence([1.0, -2.0, 0.5, 0.8, 1.2], 10.0)) == pytest.approx(np.ones(5))
+
+
+def test_directions_that_no_data_see_need_no_factor() -> None:
+    """All parameters of the strained Scissors, four combinations of which nothing sees: there rounding is no offset."""
+    machine, table = MACHINES / "scissors-strained.yaml", MACHINES / "scissors-strained.csv"
+    done = run("calibrate", machine, table, "--select", "all", "--holdout", "none", "--json")
+    assert done.code == 0, done.err
+    assert 0.2 < done.json["uncertainty"]["ranges"]["factors"]["length"] < 3.0

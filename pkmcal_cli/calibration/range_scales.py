@@ -31,6 +31,7 @@ LOG_PRIOR = np.log(
 """Logarithms of their density before the data."""
 _HALF_PRECISION = 0.5 * np.exp(-2.0 * LOG_TAU)
 _OWN_FREEDOM = 10.0
+_ROUNDING = 1e-13  # of the largest information: in what is not seen, wide offsets leave no more
 _CHAINS, _STEPS, _WARMING = 40, 35, 10
 _ENTRIES = 2e6  # of the matrices of chains that are worked on together
 _QUIET = 1e-8  # least variance of noise, in stated ones
@@ -172,7 +173,8 @@ def _offsets(rng: np.random.Generator, evidence: Evidence, variance: Array, nois
     for first in range(0, len(out), together):
         some = slice(first, first + together)
         precision = (weights[some] @ evidence.information.reshape(-1, q * q)).reshape(-1, q, q)
-        precision[:, np.arange(q), np.arange(q)] += 1.0 / variance[some]
+        floor = _ROUNDING * np.einsum("mkk->mk", precision).max(axis=1, initial=0.0)[:, None]
+        precision[:, np.arange(q), np.arange(q)] += 1.0 / variance[some] + floor
         drawn = np.linalg.cholesky(precision) @ out[some, :, None] + pulled[some, :, None]
         out[some] = np.linalg.solve(precision, drawn)[..., 0]
     return out

@@ -11,6 +11,7 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.range_scales import LOG_PRIOR, LOG_TAU, Evidence
 
+_ROUNDING = 1e-10  # of the largest eigenvalue of the information
 _FAR = 10.0  # factors up to which draws arrive
 _TO_STD = 0.6745  # median of the sizes of normal numbers
 
@@ -25,10 +26,12 @@ def first_factors(evidence: Evidence) -> Array:
     pulled = evidence.score.sum(axis=0) + whole @ centre  # about nominal
     squares = float(evidence.squares.sum() + centre @ (evidence.score.sum(axis=0) + pulled))
     size, vectors = np.linalg.eigh(whole[np.ix_(on, on)])
-    factor = _likeliest(np.maximum(size, 0.0), vectors.T @ pulled[on], squares, evidence)
+    seen = size > _ROUNDING * size.max(initial=0.0)  # in the others offsets would be rounding, however large
+    size, vectors = size[seen], vectors[:, seen]
+    factor = _likeliest(size, vectors.T @ pulled[on], squares, evidence)
     if factor <= _FAR:
         return out
-    offsets = vectors @ ((vectors.T @ pulled[on]) / (np.maximum(size, 0.0) + factor**-2))
+    offsets = vectors @ ((vectors.T @ pulled[on]) / (size + factor**-2))
     kinds = np.array(evidence.kinds)
     for kind in set(kinds[on].tolist()):
         most = float(np.median(np.abs(offsets[kinds[on] == kind]))) / _TO_STD
