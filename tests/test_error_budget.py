@@ -235,7 +235,8 @@ def test_the_joint_covariance_has_one_factor_so_that_sums_still_cancel() -> None
         names=("a",), held=("b",), instruments=("gauge",), data=np.array([[[1e-12]]]), by_own=np.zeros((1, 1)),
         by_held=np.array([[1e-3]]), half_ranges=np.full(2, 1e-3),
         scales=Scales(variances=np.hstack([np.ones((5, 1)), tails]), noise=np.ones((5, 1)), factors={}),
-        counts=np.ones(1), worth=np.ones(1), share=HeldShare((), np.ones(1), np.zeros((1, 0, 0)), np.zeros((1, 0))),
+        counts=np.ones(1), worth=np.ones(1), once=np.zeros(1, dtype=bool),
+        share=HeldShare((), np.ones(1), np.zeros((1, 0, 0)), np.zeros((1, 0))),
     )  # fmt: skip
     joint, factor = budget.joint_covariance, budget.std[0] / np.hypot(1e-3, 1e-6)
     assert factor > 1.5, "the tails of the mixture"

@@ -85,8 +85,9 @@ def test_columns_are_those_of_the_honest_table(tmp_path: Path) -> None:
         [spoilt(tmp_path / "w.csv", lambda t: t | {"q1": -t["q2"], "q2": t["q1"], "y": 100 - t["y"] / 1000})],
     )
     columns = (Right("q1", "q2", 1.0), Right("q2", "q1", -1.0), Right("y", "y", -1e3, 1e2))
-    right = put_right(wrong, [Hint("swapped", ("q1", "q2"), "", 1.0, 0.0, columns=columns)])
+    hint = Hint(kind="swapped", names=("q1", "q2"), message="", before=1.0, after=0.0, columns=columns)
+    right = put_right(wrong, [hint])
     assert right is not None
     np.testing.assert_allclose(right.actuators, honest.actuators, atol=1e-9)
     np.testing.assert_allclose(right.readings, honest.readings, atol=1e-6)  # seven decimals of m were written
-    assert put_right(wrong, [Hint("offset", ("y",), "", 1.0, 0.0)]) is None
+    assert put_right(wrong, [Hint(kind="offset", names=("y",), message="", before=1.0, after=0.0)]) is None

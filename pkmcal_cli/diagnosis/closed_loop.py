@@ -127,14 +127,14 @@ def improve(
     whole = diagnose(candidates, problem, selected, alpha, seed, loss=loss, observe=within(observe, Stage("all rows")))
     clean = whole.problem  # without its bad rows, with its weights
     model = frozen(clean.model, clean.rows)  # shapes are spread over the whole table, whatever part of it is fitted
-    candidates = replace(candidates, model=model, start=begun_at(whole, len(model.names)))
+    candidates = _as_calibrated(replace(candidates, model=model, start=begun_at(whole, len(model.names))), whole)
     model = with_shapes_of(model, whole)
     clean = replace(clean, model=model)
     validation = None if validation is None else replace(validation, model=model)
     options = SearchOptions(alpha=alpha, seed=seed, observe=observe, workers=workers)
-    first = rotations(_as_calibrated(candidates, whole), parts_of(clean, validation), selected, options)
-    start = begun_with(_as_calibrated(candidates, whole), clean)
-    begun = _Progress(first, errors_of(first), identify(clean, whole.search.declared, start))
+    first = rotations(candidates, parts_of(clean, validation), selected, options)
+    last = identify(clean, whole.search.declared, begun_with(candidates, clean))
+    begun = _Progress(first, errors_of(first), last)
     progress, broken = _all_tried(begun, clean, whole, options)
     fit, clean, budget = _at_last(_beside(clean, progress.accepted, whole), progress.last, loss)
     return Improvement(

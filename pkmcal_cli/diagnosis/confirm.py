@@ -20,7 +20,7 @@ from pkmcal_cli.units.measurands import Measurand
 
 FOLDS = 6
 _CELLS = 4
-_CHANCE = 2.0  # standard errors
+_CHANCE, _WORSE = 2.0, 1.1  # standard errors; times the error without an effect
 _FEW = 40  # rows below which each pose is held out by itself
 _EDGE = 1e-6  # of a cell: a pose on the edge of two is in the upper one, whatever its rounding
 
@@ -52,7 +52,7 @@ class HeldOutGain:
     @property
     def harms(self) -> bool:
         """Whether they are predicted worse by more than chance: where parameters can stand for the effect."""
-        return self.gain < -_CHANCE * self.error
+        return self.gain < -_CHANCE * self.error or self.with_it > _WORSE * self.without
 
 
 def held_out_gain(search: Search, hypothesis: Hypothesis) -> HeldOutGain:

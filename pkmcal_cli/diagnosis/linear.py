@@ -164,8 +164,6 @@ class Linear:
 
     def without(self, pieces: Sequence[int]) -> Linear:
         """The same with some `pieces` projected out besides, each a free shift of its readings."""
-        if not len(pieces):
-            return self
         shifts = np.zeros((*self.on.shape, len(pieces), self.channels))
         for k, piece in enumerate(pieces):
             rows, channels = np.nonzero(self.pieces == piece)

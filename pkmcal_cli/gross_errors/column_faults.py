@@ -124,16 +124,21 @@ def explain_columns(
         if j not in matches and table.rest(j, i) < BETTER * table.before[j]:
             corrected[:, j] = measured[:, i]  # the other column stays, and cannot tell by itself that they are swapped
     hints = [*_rings(table, matches), *_exchanges(table, matches), *_rescaled(table, matches)]
-    for i in range(len(names)):
-        if steady or i in matches:
-            continue
-        if hint := _offset(table, i):
-            hints.append(hint)
-            corrected[:, i] -= np.nanmean(measured[:, i] - predicted[:, i])
-        elif hint := _mirrored(table, i):
-            hints.append(hint)
-            corrected[:, i] = hint.columns[0].shift - measured[:, i]
+    if not steady:
+        hints += _shifted(table, [i for i in range(len(names)) if i not in matches], corrected)
     return Explanation(tuple(hints), corrected)
+
+
+def _shifted(table: _Table, columns: Iterable[int], corrected: FloatArray) -> list[Hint]:
+    """Columns from another origin, or from another end, which are put right in `corrected` (N, C)."""
+    hints = []
+    for i in columns:
+        if hint := _offset(table, i):
+            corrected[:, i] -= np.nanmean(table.measured[:, i] - table.predicted[:, i])
+        elif hint := _mirrored(table, i):
+            corrected[:, i] = hint.columns[0].shift - table.measured[:, i]
+        hints += [hint] if hint else []
+    return hints
 
 
 def _best(table: _Table, i: int) -> _Match | None:
@@ -190,7 +195,8 @@ def _rings(table: _Table, matches: dict[int, _Match]) -> list[Hint]:
         message = f"{table.quoted(order)} {look} ({', '.join(parts)})"
         message += f": {evidence(table.units[first], before, after)} after correction"
         names = tuple(table.names[i] for i in order)
-        hints.append(Hint("rotated", names, message, before, after, columns=_right(table, matches, order)))
+        right = _right(table, matches, order)
+        hints.append(Hint(kind="rotated", names=names, message=message, before=before, after=after, columns=right))
     return hints
 
 
@@ -215,11 +221,13 @@ def _exchanges(table: _Table, matches: dict[int, _Match]) -> list[Hint]:
             words = evidence(unit, before, after)
             message = f"`{name}` and `{table.names[j]}` look swapped{turned}: {words} when swapped back"
             names = name, table.names[j]
-            hints.append(Hint("swapped", names, message, before, after, columns=_right(table, matches, (i, j))))
+            right = _right(table, matches, (i, j))
+            hints.append(Hint(kind="swapped", names=names, message=message, before=before, after=after, columns=right))
             continue
         sign, words = "-" if match.factor < 0 else "", evidence(unit, match.before, match.after)
         message = f"column `{table.names[j]}` looks like {sign}`{name}`: {words} when it is read as that"
-        hints.append(Hint("moved", (name, table.names[j]), message, match.before, match.after))
+        names = name, table.names[j]
+        hints.append(Hint(kind="moved", names=names, message=message, before=match.before, after=match.after))
     return hints
 
 
@@ -242,7 +250,8 @@ def _rescaled(table: _Table, matches: dict[int, _Match]) -> list[Hint]:
             size = f"{times(abs(factor))}{unit_words(unit, abs(factor))}{' and reversed in sign' if factor < 0 else ''}"
             message = f"{look} {size}: {words} when multiplied by {factor:.4g}"
         names = tuple(table.names[i] for i in columns)
-        hints.append(Hint(kind, names, message, before, after, columns=_right(table, matches, columns)))
+        right = _right(table, matches, columns)
+        hints.append(Hint(kind=kind, names=names, message=message, before=before, after=after, columns=right))
     return hints
 
 
@@ -264,7 +273,8 @@ def _mirrored(table: _Table, i: int) -> Hint | None:
     unit, before = table.units[i], float(table.before[i])
     words = f"{evidence(unit, before, scatter)} as {unit.format(centre, 6)} - `{name}`"
     message = f"`{name}` looks reversed in sign, from another origin: {words}"
-    return Hint("sign", (name,), message, before, scatter, columns=(Right(name, name, -1.0, centre),))
+    right = (Right(name, name, -1.0, centre),)
+    return Hint(kind="sign", names=(name,), message=message, before=before, after=scatter, columns=right)
 
 
 def _offset(table: _Table, i: int) -> Hint | None:
@@ -281,4 +291,4 @@ def _offset(table: _Table, i: int) -> Hint | None:
     before = rms(deviation)
     words = f"{evidence(unit, before, scatter)} without this offset"
     message = f"`{table.names[i]}` is off by {unit.format(mean, 4)} in all rows (is the origin wrong?): {words}"
-    return Hint("offset", (table.names[i],), message, before, scatter)
+    return Hint(kind="offset", names=(table.names[i],), message=message, before=before, after=scatter)

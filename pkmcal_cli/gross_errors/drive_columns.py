@@ -141,7 +141,7 @@ def _hint(problem: Problem, change: _Change, before: float, after: float) -> Hin
     message += f": after correction, {100 * after:.2g} % of the variation of the readings is unexplained ({was})"
     sources = [(a, int(change.source[a])) for a in change.columns]
     right = tuple(Right(actuators[a].name, actuators[s].name, float(change.factor[a])) for a, s in sources)
-    return Hint(change.kind, names, message, before, after, columns=right)
+    return Hint(kind=change.kind, names=names, message=message, before=before, after=after, columns=right)
 
 
 def _look(change: _Change, count: int, unit: Unit) -> str:

@@ -294,4 +294,5 @@ def _row_hint(sample: Sample, shift: RowShift, whose: str, where: str) -> Hint:
         f"`{channels[k].name}` {evidence(unit, before, after)} "
         f"when each row takes the readings of the {other}"
     )
-    return Hint("rows", (channels[k].name,), message, before, after, tuple(shift.rows.tolist()))
+    moved = tuple(shift.rows.tolist())
+    return Hint(kind="rows", names=(channels[k].name,), message=message, before=before, after=after, rows=moved)

@@ -97,7 +97,8 @@ class _Change:
             both = list(zip(self.columns, self.others, strict=True))
             right = [*((i, j, 1.0) for i, j in both), *((j, i, 1.0) for i, j in both)]
         by_name = tuple(Right(names[i], names[j], factor) for i, j, factor in right)
-        return Hint(kind, tuple(names[k] for k in columns), message, before, after, columns=by_name)
+        suspected = tuple(names[k] for k in columns)
+        return Hint(kind=kind, names=suspected, message=message, before=before, after=after, columns=by_name)
 
 
 def _changes(points: Points, unit: Unit) -> Iterator[_Change]:

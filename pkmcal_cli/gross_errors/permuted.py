@@ -67,4 +67,5 @@ def _hint(
     message = (
         f"the readings of {len(moved)} rows look exchanged ({'; '.join(pairs)}{more}): `{channel.name}` {words} there"
     )
-    return Hint("rows", (channel.name,), message, before, left, tuple(int(r) for r in sample.rows[rows[moved]]))
+    places = tuple(int(r) for r in sample.rows[rows[moved]])
+    return Hint(kind="rows", names=(channel.name,), message=message, before=before, after=left, rows=places)

@@ -39,7 +39,7 @@ class Right:
     shift: float = 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Hint:
     """A suspicion: what it is, the columns, the words, and the evidence.
 
@@ -78,7 +78,9 @@ def find_limit_faults(
             )
             remedy = _inside(readings, limits, i, names, scale)
             left = 0 if remedy else len(rows)
-            hints.append(Hint("limits", (name,), message + remedy, len(rows), left, rows))
+            hints.append(
+                Hint(kind="limits", names=(name,), message=message + remedy, before=len(rows), after=left, rows=rows)
+            )
     return tuple(hints)
 
 

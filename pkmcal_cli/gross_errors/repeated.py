@@ -30,7 +30,9 @@ def repeated_readings(sample: Sample, row_origin: Callable[[int], str]) -> tuple
             f"{len(rows)} rows: {shown}{more} (is the sensor stuck, or were cells filled in or copied?)"
         )
         known = tuple(int(r) for r in sample.rows[rows])
-        hints.append(Hint("repeated", (channel.name,), message, len(rows), 0.0, known))
+        hints.append(
+            Hint(kind="repeated", names=(channel.name,), message=message, before=len(rows), after=0.0, rows=known)
+        )
     return tuple(hints)
 
 

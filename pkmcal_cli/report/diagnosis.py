@@ -95,8 +95,8 @@ class DiagnosisReport(VisibilityReport):
             "measurement_fault": "the measurement is at fault",
         }
         residuals = ResidualText(diagnosis, self.sigma, self.error_unit).text
-        what = f"{words[diagnosis.verdict]}{self._mistakes()}{tested_alone(self.only)}"
-        return f"diagnosis: {self._provisional()}{what}\n{residuals}"
+        verdict = f"{words[diagnosis.verdict]}{self._mistakes()}{tested_alone(self.only)}"
+        return f"diagnosis: {self._provisional()}{verdict}\n{residuals}"
 
     def _mistakes(self) -> str:
         """Columns of the table that were put right."""
