@@ -83,16 +83,16 @@ def test_the_chance_that_is_told_is_that_on_which_the_words_rest(tmp_path: Path)
     """Play that 231 rows show a little of each: the sum of squares is that of noise, the shape is not."""
     worn, table = tmp_path / "worn.yaml", tmp_path / "t.csv"
     machine, poses = MACHINES / "triglide-nonredundant.yaml", MACHINES / "triglide-nonredundant.csv"
-    worn.write_text(f"extends: {machine}\neffects: {{backlash@q1: {{b: 55 um}}}}\n")
+    worn.write_text(f"extends: {machine}\neffects: {{backlash@q2: {{b: 13.5 um}}}}\n")
     assert run("simulate", worn, poses, "--noise", "declared", "--seed", "1", "-o", table).code == 0
     done = diagnosed(str(machine), str(table))
     (found,) = done.json["effects"]
-    assert names(done) == {"backlash q1"} and found["evidence"] > 10 and "overwhelming" in done.err
-    told = re.search(r", p (\S+) by the shape of backlash@q1\)\.", done.err)
+    assert names(done) == {"backlash q2"} and found["evidence"] > 10 and "overwhelming" in done.err
+    told = re.search(r", p (\S+) by the shape of backlash@q2\)\.", done.err)
     assert told is not None and done.json["p_value"] > 0.1 > 1e-5 > float(told[1])
     assert float(told[1]) == pytest.approx(found["p_value"], rel=0.5)
     ends = re.search(r"Found near the limit of detection.*?: 95 % interval (\S+) um to (\S+) um\.", done.err)
-    assert ends is not None and 0 <= float(ends[1]) < 55 < float(ends[2]), "the planted size is in the interval"
+    assert ends is not None and 0 <= float(ends[1]) < 13.5 < float(ends[2]), "the planted size is in the interval"
 
 
 def test_what_is_far_beyond_its_range_is_found_last_and_said_to_be_unusual(tmp_path: Path) -> None:

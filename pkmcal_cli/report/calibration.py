@@ -128,7 +128,7 @@ class CalibrationReport:
             "replicates": [noise.json() for noise in self.replicates],
             "heldout": heldout_json(self.machine, self.held_out),
             "condition_number": finite(self.ranges.declared.condition_number),
-            "rank": directions.rank,
+            "rank": self.ranges.declared.rank,
             "undetermined": [
                 each
                 for c in combinations(directions)
