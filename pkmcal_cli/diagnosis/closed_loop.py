@@ -133,8 +133,7 @@ def improve(
     validation = None if validation is None else replace(validation, model=model)
     options = SearchOptions(alpha=alpha, seed=seed, observe=observe, workers=workers)
     first = rotations(candidates, parts_of(clean, validation), selected, options)
-    last = identify(clean, whole.search.declared, begun_with(candidates, clean))
-    begun = _Progress(first, errors_of(first), last)
+    begun = _Progress(first, errors_of(first), identify(clean, whole.search.declared, begun_with(candidates, clean)))
     progress, broken = _all_tried(begun, clean, whole, options)
     fit, clean, budget = _at_last(_beside(clean, progress.accepted, whole), progress.last, loss)
     return Improvement(

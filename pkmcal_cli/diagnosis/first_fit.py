@@ -46,24 +46,44 @@ def calibrated(
     if candidates.start is not None and fit.directions.weak.any():
         start = centred(problem, start, start, fit.directions)
         candidates, fit = replace(candidates, start=start), identify(problem, selected, start, states=fit.before.start)
-    if fit.status == "converged" and (wider := _by_wider_ranges(problem, fit, start)) is not None:
-        return replace(candidates, start=wider.values), wider
-    return candidates, fit
+    return _by_wider_ranges(candidates, problem, fit, options)
 
 
-def _by_wider_ranges(problem: Problem, fit: Fit, start: Array) -> Fit | None:
-    """The fit from where one with ranges as they turned out to be ends; None where it is no better.
+def _by_wider_ranges(
+    candidates: Candidates, problem: Problem, fit: Fit, options: SearchOptions
+) -> tuple[Candidates, Fit]:
+    """The fit from where one with ranges as they turn out to be ends, and that fits begin there; if it is better.
 
-    A parameter that is many ranges off turns the directions that the data hardly see: held near nominal, they would
-    keep it away from where it is.
+    How they turn out is asked of the rows that do not contradict the others: one wrong cell drives parameters as far.
+    """
+    if fit.status != "converged" or not _ran_away(problem, fit):
+        return candidates, fit
+    start, states = replace(candidates, model=problem.model).begin(), fit.before.start
+    rows, others = gross_rows(problem, fit.selected, options.parts.rows, options.seed, start=start, states=states)
+    if others is None:
+        wider = _wider(problem, fit, start)
+        return (candidates, fit) if wider is None else (replace(candidates, start=wider.values), wider)
+    wider = _wider(problem.without(rows), others, start) if _ran_away(problem, others) else None
+    if wider is None:
+        return candidates, fit
+    return replace(candidates, start=wider.values), identify(problem, fit.selected, wider.values)
+
+
+def _ran_away(problem: Problem, fit: Fit) -> bool:
+    """Whether a parameter is so far off that it turns the directions that the data hardly see.
+
+    Held near nominal, they would keep it away from where it is.
     """
     model = problem.model
     index = [model.names.index(n) for n in fit.selected]
     off = np.abs(fit.values[index] - model.nominal[index]) / model.ranges[index]
-    if not (fit.directions.held.any() and (off > OUT).any()):
-        return None
+    return bool(fit.directions.held.any() and (off > OUT).any())
+
+
+def _wider(problem: Problem, fit: Fit, start: Array) -> Fit | None:
+    """The fit from where one with ranges as they turned out to be ends; None where it is no better."""
     budget = error_budget(problem, fit, held_parameters(problem, fit.selected, ()))
-    factors = budget.scales.typical[: len(index)] / np.sqrt(budget.spread)
+    factors = budget.scales.typical[: len(fit.selected)] / np.sqrt(budget.spread)
     _, again = with_estimated_ranges(problem, fit, start, factors)
     if again is fit:
         return None
