@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.benchmark.cases import case as of_benchmark
+from tests.benchmark.setting import diagnosed as diagnosis_of
 from tests.campaign_tables import true_values, write_table
 from tests.command import MACHINES, SCISSORS, Done, clean, run
 
@@ -79,3 +81,11 @@ def test_a_dimension_within_reason_is_no_cause(tmp_path: Path) -> None:
     table = Path(write_table(tmp_path / "t.csv", "triglide", true_values("triglide", 5, xb2r=0.6e-3), 5, 60))
     done = clean(run("diagnose", TRIGLIDE, table, "--json"))
     assert done.code == 0 and done.json["verdict"] == "clean"
+
+
+@pytest.mark.parametrize("number", [183, pytest.param(163, marks=pytest.mark.slow)])
+def test_parameters_that_imitate_a_cause_in_part_are_not_believed(number: int) -> None:
+    """Wider ranges let declared lengths run 8 to 12 ranges off, and leave half of what is beyond the noise."""
+    case = of_benchmark("single", number)
+    d = diagnosis_of(case.measured(), case.seed)
+    assert [f.hypothesis.name for f in d.findings] == [x.name for x in case.drawn] and not d.unknown

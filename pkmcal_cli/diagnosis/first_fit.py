@@ -20,6 +20,7 @@ from pkmcal_cli.diagnosis.search_options import SearchOptions
 OUT = 3.0
 """Ranges off nominal, beyond which a declared parameter has run away."""
 _BETTER = 9.0  # fall of chi-square, in variances of the noise, that is more than chance
+_LEFT = 0.1  # of what is beyond the noise, that parameters far off leave: where more is left, they imitate a cause
 _SOON = 15  # steps in which fits converge, unless something is wrong
 
 
@@ -81,12 +82,13 @@ def _ran_away(problem: Problem, fit: Fit) -> bool:
 
 
 def _wider(problem: Problem, fit: Fit, start: Array) -> Fit | None:
-    """The fit from where one with ranges as they turned out to be ends; None where it is no better."""
+    """The fit from where one with ranges as they turned out to be ends; None where it does not explain what is left."""
     budget = error_budget(problem, fit, held_parameters(problem, fit.selected, ()))
     factors = budget.scales.typical[: len(fit.selected)] / np.sqrt(budget.spread)
     _, again = with_estimated_ranges(problem, fit, start, factors)
     if again is fit:
         return None
     wider = identify(problem, fit.selected, again.values, states=again.after.start)
-    better = wider.status == "converged" and wider.chi2 < fit.chi2 - _BETTER * max(wider.chi2_per_dof, 1.0)
-    return wider if better and not wider.failed else None
+    better = wider.chi2 < fit.chi2 - _BETTER * max(wider.chi2_per_dof, 1.0)
+    explains = wider.excess - 1.0 <= _LEFT * (fit.excess - 1.0)
+    return wider if wider.status == "converged" and better and explains and not wider.failed else None
