@@ -74,7 +74,7 @@ def _predicted(search: Search, start: Array, states: WarmStart) -> tuple[Array, 
     names, values = search.problem.model.names, start.copy()
     index = [names.index(n) for h in search.accepted for n in h.unknown]
     for _ in range(_HALVINGS):
-        there = evaluate(search.unheld, values, (), states)
+        there = evaluate(search.unheld, values, None, states)
         if there.solved:
             return values, there.start
         values[index] = 0.5 * (values[index] + search.null[index])
