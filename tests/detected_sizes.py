@@ -125,7 +125,7 @@ def judged(d: Diagnosis, name: str, planted: Planted) -> Outcome:
     own = next((f for f in d.findings if f.hypothesis.name == name), None)
     in_set = own is not None or any(r.hypothesis.name == name for f in d.findings for r in f.rivals)
     ratio = corrected = inside = float("nan")
-    if own is not None and len(own.estimate) == 1:
+    if own is not None and len(own.estimate) == len(planted.values) == 1:  # of several one may be found
         (true,) = planted.values.values()
         k = d.problem.model.names.index(own.hypothesis.parameters[0])
         size = own.estimate[0] - float(d.problem.model.nominal[k])
