@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import signal
 import subprocess
@@ -14,6 +15,8 @@ from typing import Any
 import pandas as pd
 import pytest
 
+from pkmcal_cli.diagnosis.power import PowerWork
+from pkmcal_cli.workflow.state import State
 from tests.command import ROOT, SCISSORS, TRIGLIDE, run, timeless
 from tests.json_schemas import faults_of
 
@@ -146,15 +149,34 @@ def test_a_state_of_another_study_is_refused(tmp_path: Path) -> None:
         assert done.code == 3 and "this is not a state file" in done.err, text
 
 
+def test_results_that_were_changed_are_refused(tmp_path: Path) -> None:
+    state = tmp_path / "state.json"
+    asked = ("study", SCISSORS, "--points", "10", "--repeat", "2", "--state", state)
+    assert run(*asked).code == 0
+    kept = json.loads(state.read_text())
+    ((first, *errors),) = kept["results"]["0"]
+    for other in ([[2 * first, *errors]], [[math.nan, *errors]], [[str(first), *errors]], [errors], [], "x", None):
+        results = kept["results"] | {"0": other}
+        state.write_text(json.dumps(kept | {"results": results}))
+        assert (done := run(*asked)).code == 3 and "this state file is damaged" in done.err, other
+        State(str(state), kept["asked"], results).write()  # its checksum is right, as another program could write it
+        assert (run(*asked).code == 3) == (other != [[2 * first, *errors]]), other
+
+
+@pytest.mark.parametrize("other", [[], {"a": 1}, None, "found"], ids=str)
+def test_outcomes_of_campaigns_are_words_that_are_counted(other: object) -> None:
+    work = PowerWork(campaigns=None, effects=(None,), count=1)  # type: ignore[arg-type]
+    assert not work.fits(other) and all(map(work.fits, ("named", "in_set", "other", "missed", "lost")))
+
+
 @pytest.mark.slow
 def test_campaigns_of_a_plan_go_on_too(tmp_path: Path) -> None:
-    """What is kept counts: a result that was changed by hand is counted as it is."""
+    """What is kept counts: another result, with its checksum, is counted as it is."""
     state, asked = tmp_path / "state.json", ("plan", SCISSORS, "--power", "1", "--aim", "backlash@q1", "--json")
     first = run(*asked, "--state", state)
     assert first.code == 0, first.err
     kept = json.loads(state.read_text())
     assert kept["asked"]["power"] == 1 and sum(len(r) > 0 for r in kept["results"].values()) == len(kept["results"]) > 0
-    kept["results"]["0"] = "lost"
-    state.write_text(json.dumps(kept))
+    State(str(state), kept["asked"], kept["results"] | {"0": "lost"}).write()
     assert run(*asked, "--state", state).json["power"][0]["lost"] == 1
     assert run("plan", SCISSORS, "--jobs", "2").code == 2

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from pkmcal_cli.base.stages import Observer, unobserved
 
@@ -15,6 +15,14 @@ class Work(Protocol[Result_co]):
 
     def __call__(self, number: int, observe: Observer = unobserved) -> Result_co:
         """The result of a task; `observe` is told its steps where it runs in this process."""
+
+
+class KeptWork(Work[Result_co], Protocol[Result_co]):
+    """A work whose results are read from files, too."""
+
+    def fits(self, result: Any) -> bool:
+        """Whether this could be the result of a task."""
+        ...
 
 
 def one_thread() -> AbstractContextManager[object]:

@@ -7,6 +7,8 @@ compared have the same errors in parameters of the same name, and are measured a
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import isfinite
+from typing import Any
 
 import numpy as np
 
@@ -117,6 +119,20 @@ class Study:
         normal = noise.normal(size=(count, 2 * most))
         return [_once(m, q, drawn, normal) for m, q in zip(self.machines, readings, strict=True)]
 
+    def fits(self, result: Any) -> bool:
+        """Whether this could be what a repetition returns."""
+        sizes = [len(m.selected) + 1 for m in self.machines]
+        return (
+            isinstance(result, list)
+            and len(result) == len(sizes)
+            and all(each is None or _are_errors(each, size) for each, size in zip(result, sizes, strict=True))
+        )
+
+
+def _are_errors(errors: Any, size: int) -> bool:
+    """Whether these are so many finite numbers."""
+    return isinstance(errors, list) and len(errors) == size and all(type(e) is float and isfinite(e) for e in errors)
+
 
 def _once(machine: StudiedMachine, readings: Array, drawn: dict[str, float], normal: Array) -> Outcome:
     """One calibration by the first points, as many as there is noise for, judged at the others."""
@@ -127,9 +143,8 @@ def _once(machine: StudiedMachine, readings: Array, drawn: dict[str, float], nor
     except (RowsFailed, np.linalg.LinAlgError):
         return None
     off = _tool_distance(machine.model, true, fit.values, Rows.at(readings[count:]))
-    if not fit.usable or np.isnan(off):
-        return None
-    return [*(float(v) for v in (fit.values - true)[machine.index]), off]
+    errors = [*(float(v) for v in (fit.values - true)[machine.index]), off]
+    return errors if fit.usable and all(map(isfinite, errors)) else None
 
 
 def _measured(problem: Problem, true: Array, normal: Array) -> Problem:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +18,8 @@ from pkmcal_cli.diagnosis.experiment_design import Plan, Visibility
 from pkmcal_cli.diagnosis.hypotheses import RELEASE
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis, diagnose
 from pkmcal_cli.prediction import Request, predict
+
+_OUTCOMES = ("named", "in_set", "other", "missed", "lost")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,6 +100,10 @@ class PowerWork:
         """What becomes of a campaign, as `Rates` counts it."""
         effect, campaign = divmod(number, self.count)
         return self.campaigns.outcome(self.effects[effect], campaign)
+
+    def fits(self, result: Any) -> bool:
+        """Whether this could be what becomes of a campaign."""
+        return result in _OUTCOMES
 
     def rates(self, outcomes: Mapping[int, str]) -> tuple[Rates, ...]:
         """Counted, by effect."""

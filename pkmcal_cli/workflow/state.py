@@ -1,7 +1,7 @@
 """Results of tasks that are kept in a file, so that a work which is stopped goes on where it was.
 
 The file is written anew, whole or not at all, every second while results come, and when the work is stopped. It holds
-what results depend on: another machine, table or option is refused.
+what results depend on: another machine, table or option is refused. So is a file that no longer has its checksum.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pkmcal_cli import __version__
 from pkmcal_cli.base.errors import BadInput, Location, UsageError
 from pkmcal_cli.base.files import is_stream, open_input
 from pkmcal_cli.base.outputs import check_target, write_text
-from pkmcal_cli.base.tasks import Work
+from pkmcal_cli.base.tasks import KeptWork
 from pkmcal_cli.base.workers import Workers
 from pkmcal_cli.report.console import Reporter
 
@@ -63,14 +63,27 @@ class State:
                 before, asked_now = content["asked"].get(name), asked.get(name)
                 message = f"this state belongs to a different run: {name} was {before}, now {asked_now}"
                 raise BadInput.single(message, Location(file), _OTHER, "state")
+        if content.get("sha256") != _checksum(asked, content["results"]):
+            raise _damaged(file)
         return cls(file, asked, {int(number): result for number, result in content["results"].items()})
 
     def write(self) -> None:
         """Keep what there is. Raises OutputError."""
         if self.file is not None:
-            content = {"form": _FORM, "asked": self.asked, "results": self.results}
+            checksum = _checksum(self.asked, self.results)
+            content = {"form": _FORM, "asked": self.asked, "sha256": checksum, "results": self.results}
             with write_text(self.file, (), force=True) as file:
-                json.dump(content, file)
+                file.write(json.dumps(content))
+
+
+def _checksum(asked: Mapping[str, Any], results: Mapping[Any, Any]) -> str:
+    """Of what a state holds; the same from numbers as they were computed and as they were read."""
+    return hashlib.sha256(json.dumps([asked, results]).encode()).hexdigest()
+
+
+def _damaged(file: str) -> BadInput:
+    message = "this state file is damaged: its results are not those that were written"
+    return BadInput.single(message, Location(file), _OTHER, "state")
 
 
 def _versions() -> dict[str, str]:
@@ -91,20 +104,22 @@ def _parsed(file: str) -> dict[str, Any]:
             message = (
                 f"this state file has the format `{str(record['form'])[:40]}`; this release of pkmcal reads `{_FORM}`"
             )
-        if record["form"] == _FORM and all(number.isdigit() for number in record["results"]) and dict(record["asked"]):
+        if record["form"] == _FORM and isinstance(record["asked"], dict) and isinstance(record["results"], dict):
             return dict(record)
-    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+    except (ValueError, TypeError, KeyError, RecursionError):
         pass
     raise BadInput.single(message, Location(file), _OTHER, "state")
 
 
 def all_done(
-    work: Work[Result], count: int, name: str, workers: Workers, state: State, to: Reporter
+    work: KeptWork[Result], count: int, name: str, workers: Workers, state: State, to: Reporter
 ) -> Mapping[int, Result]:
-    """Results of tasks 0 to `count` - 1, those that are kept and the others. Raises what a task raises.
+    """Results of tasks 0 to `count` - 1, those that are kept and the others. Raises what a task raises, and BadInput.
 
     Stopped (Ctrl-C, SIGTERM), it keeps what there is, and raises KeyboardInterrupt.
     """
+    if not all(map(work.fits, state.results.values())):
+        raise _damaged(str(state.file))
     left = [number for number in range(count) if number not in state.results]
     if state.results and left:
         to.say(f"{count - len(left)} of {count} are done (`{state.file}`)")
