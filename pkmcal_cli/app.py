@@ -90,7 +90,17 @@ def run(arguments: list[str]) -> int:
         return 0 if end.code in (0, None) else 4
     except Exception as error:
         _leave_stdout()
+        if _is_stop(error):
+            _tell("stopped")
+            return _STOPPED
         return _failed(error, arguments)
+
+
+def _is_stop(error: BaseException) -> bool:
+    """Whether Ctrl-C is behind an error: while a module is imported, Python 3.11 makes a RuntimeError of it."""
+    while error.__cause__ is not None:
+        error = error.__cause__
+    return isinstance(error, KeyboardInterrupt)
 
 
 def _failed(error: Exception, arguments: list[str]) -> int:

@@ -122,6 +122,18 @@ def test_ctrl_c_ends_with_130_and_leaves_no_file(kind: signal.Signals, tmp_path:
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_signal_that_an_import_wraps_stops_as_well() -> None:
+    """Python 3.11 makes a RuntimeError of what is raised while a class is made."""
+    code = (
+        "import dataclasses, os, signal, sys\nfrom pkmcal_cli import app\nmake = dataclasses.Field.__set_name__\n"
+        "def name(self, owner, name):\n    if owner.__name__ == 'FaultList': os.kill(os.getpid(), signal.SIGTERM)\n"
+        "    return make(self, owner, name)\n"
+        f"dataclasses.Field.__set_name__ = name\nsys.argv = ['pkmcal', 'check', {TRIGLIDE!r}]\napp.main()\n"
+    )
+    done = python(code)
+    assert (done.code, done.out, done.err) == (130, "", "stopped\n")
+
+
 def _on_a_terminal(*arguments: str, program: Sequence[str] = PROGRAM, **more: str) -> str:
     """What a command writes to stderr where that is a terminal."""
     ours, theirs = pty.openpty()
