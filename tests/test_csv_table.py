@@ -182,6 +182,8 @@ REFUSED = {
     "unit in the cell": ("x,y\n5 mm,2\n", "help: write the unit in the header: `x [mm]`"),
     "line of units": ("x,y\nmm,deg\n1,2\n", "t.csv:2:4: error[csv-number]: `deg` in column `y`"),
     "comment below the header": ("x,y\n1,2\n#3,4\n", "help: write comments only before the header"),
+    "row commented out": ("id,x\na,1\n#b,2\n", "t.csv:3:1: error[csv-comment]: below the header, a row that begins"),
+    "row commented out, indented": ("id,x\n,1\n #b,2\n", "help: delete the row; if the `#` belongs to"),
     "separator too many": (
         "x,y,f\n1,2,\n3,4,\n5,0,6,\n",
         "t.csv:4:1: error[csv-width]: the row has 4 cells, the header",

@@ -14,7 +14,10 @@ from tests.command import TRIGLIDE, TRIGLIDE_DATA, run
 from tests.terminals import on_terminal
 
 EVIL = "\x1b]0;x\x07\x1b[2J\u202eevil\u2066\x9b31m\x7f\u2028"
-FORMULAS = ("=1+1", "+cmd|' /C calc'!A0", "-2+3", "@SUM(A1)", "'=1", "''@x", "=", "-", "-1", "+5.5", "a=b", "'quoted'")
+FORMULAS = (
+    "=1+1", "+cmd|' /C calc'!A0", "-2+3", "@SUM(A1)", "'=1", "''@x",
+    "=", "-", "-1", "+5.5", "a=b", "'quoted'", "#5",
+)  # fmt: skip
 
 
 def has_control(text: str) -> bool:
@@ -69,7 +72,7 @@ def test_json_is_the_same_value() -> None:
 @pytest.mark.parametrize("name", FORMULAS)
 def test_formulas_read_back_equal(name: str) -> None:
     assert bare(guarded(name)) == name
-    assert guarded(name)[:1] not in "=@" and (guarded(name)[:1] not in "+-" or float(name) is not None)
+    assert guarded(name)[:1] not in "=@#" and (guarded(name)[:1] not in "+-" or float(name) is not None)
 
 
 def test_ids_that_are_formulas_are_written_inert_and_come_back(tmp_path: Path) -> None:
@@ -82,4 +85,4 @@ def test_ids_that_are_formulas_are_written_inert_and_come_back(tmp_path: Path) -
         with file.open(newline="") as opened:
             ids = [row[0] for row in csv.reader(opened)][1:]
         assert tuple(map(bare, ids)) == FORMULAS
-        assert all(i[0] not in "=@" and (i[0] not in "+-" or i in ("-1", "+5.5")) for i in ids)
+        assert all(i[0] not in "=@#" and (i[0] not in "+-" or i in ("-1", "+5.5")) for i in ids)

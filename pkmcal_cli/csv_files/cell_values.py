@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from io import BytesIO
@@ -11,12 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.errors import MAX_FAULTS, BadInput, Fault, Location
-from pkmcal_cli.csv_files.cells import cell_column, number_flaw, number_of, time_flaw, time_of, width_flaw
+from pkmcal_cli.csv_files.cells import cell_column, comment_flaw, number_flaw, number_of, time_flaw, time_of, width_flaw
 from pkmcal_cli.csv_files.dialect import QUOTE_HINT, SPACE, Flaw, Format, split_line
 from pkmcal_cli.csv_files.guarded import bare
 
 Kind = Literal["number", "text", "time", "skip"]
 """What cells are: ISO 8601 "time" is read as seconds since 1970-01-01 UTC, "skip" is not read."""
+
+_COMMENT = re.compile(r"^[^\S\n]*#", re.MULTILINE)
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -87,6 +90,7 @@ class Parser:
         self.kinds = column_rules.kinds
         self.names = [cell.name for cell in form.header]
         self.fast = fast and form.separator != SPACE and "number" in self.kinds and "time" not in self.kinds
+        self._takes_comments = self.kinds[0] in ("text", "skip")  # without a fault of their first cell
         self.blank_lines = 0
         self._blank_before = 0  # empty lines not yet followed by a row
 
@@ -100,6 +104,8 @@ class Parser:
         """By pandas; None if any row is longer or shorter than the others, or a cell no finite number."""
         separator, width = self.format.separator, len(self.names) + self.format.trailing
         if any(c in block for c in ('"', "\0", "\n\n")) or block.count(separator) != (width - 1) * lines:
+            return None
+        if self._takes_comments and _COMMENT.search(block):
             return None
         frame = _read_frame(block, separator, self.format.decimal, width, self.kinds)
         if frame is None or frame.shape != (lines, width):
@@ -140,6 +146,8 @@ class Parser:
                 log.add(Flaw("csv-quote", "a quote is not closed", QUOTE_HINT, number), line)
             elif not any(cells) and '"' not in line:
                 self._blank_before += 1
+            elif self._takes_comments and _COMMENT.match(line):
+                log.add(comment_flaw(number), line)
             elif not self.format.fits(cells):
                 log.add(width_flaw(cells, self.format, number), line)
             else:

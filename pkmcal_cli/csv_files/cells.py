@@ -98,6 +98,12 @@ def time_flaw(cell: str, zone: bool, column: str, line_column: tuple[int, int]) 
     return Flaw("csv-time", f"`{_short(cell)}` in column `{column}` is not a time in ISO 8601", hint, *line_column)
 
 
+def comment_flaw(line: int) -> Flaw:
+    """The flaw of a row that is commented out, or whose id looks like it."""
+    hint = "delete the row; if the `#` belongs to its first cell, put that cell in quotes"
+    return Flaw("csv-comment", "below the header, a row that begins with `#` is not a comment", hint, line)
+
+
 def width_flaw(cells: Sequence[str], form: Format, line: int) -> Flaw:
     """The flaw of a row that has not one cell for every name of the header, or does not end as the others do."""
     names = [cell.name for cell in form.header]

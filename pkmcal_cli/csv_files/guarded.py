@@ -1,10 +1,11 @@
-"""Texts that a spreadsheet would run as a formula: written behind an apostrophe, and read without it."""
+"""Texts that a spreadsheet would run as a formula, or that look like a comment: written behind an apostrophe, and read
+without it."""
 
 from __future__ import annotations
 
 import re
 
-_RUN = re.compile(r"'*[=+@-]")
+_RUN = re.compile(r"'*[=+@#-]")
 _NUMBER = re.compile(r"[+-]?[0-9]+(?:[.,][0-9]+)?")  # is shown, not run
 
 
