@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -62,6 +63,26 @@ def test_lengths_of_a_file_without_units_are_one_warning(tmp_path: Path) -> None
     (fault,) = faults
     assert fault.what == "l1 = 300 m and 10 other lengths: did you mean mm?"
     assert fault.hint is not None and "add `units: {length: mm}`" in fault.hint
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "hint"),
+    [
+        ("triglide", "{nominal: 50000, range: 5000", "{nominal: 50000, range: [-5000, 5000]", "`bounds: [min, max]`"),
+        ("triglide", "reads: [x, y], sigma: 10 um", "reads: [x, y], sigma: [10 um, 10 um]", "`sigma: {x: 10 um}`"),
+        ("triglide", "l2: 300", "l2: 3OO", "write digits, not letters: `300`"),
+        ("gantry", "pieces: 2", "pieces: 101", "use fewer pieces"),
+    ],
+)
+def test_the_remedy_is_told(tmp_path: Path, name: str, old: str, new: str, hint: str) -> None:
+    fault = told(tmp_path, changed(name, old, new))[0]
+    assert fault.severity == "error" and fault.hint is not None and hint in fault.hint
+
+
+def test_a_pipe_is_no_machine_to_extend(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.yaml")
+    (fault,) = told(tmp_path, "extends: pipe.yaml\n")
+    assert fault.what == "`pipe.yaml` is not a regular file" and fault.hint == "give the path of a machine file"
 
 
 def test_an_unknown_key_of_sigma_is_the_only_fault(tmp_path: Path) -> None:

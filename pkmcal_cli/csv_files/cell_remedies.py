@@ -79,11 +79,16 @@ def _marks(cell: str, decimal: str, column: str) -> Iterator[str]:
         yield "write one number with one decimal mark; two numbers need a separator between them"
 
 
+def digits_hint(text: str, decimal: str) -> str | None:
+    """The remedy for a number of which some digits are letters."""
+    digits = text.translate(_LETTERS_FOR_DIGITS)
+    return f"write digits, not letters: `{digits}`" if digits != text and is_number(digits, decimal) else None
+
+
 def _letters(cell: str, decimal: str, column: str) -> Iterator[str]:
     """Letters and foreign digits for digits."""
-    digits = cell.translate(_LETTERS_FOR_DIGITS)
-    if digits != cell and is_number(digits, decimal):
-        yield f"write digits, not letters: `{digits}`"
+    if hint := digits_hint(cell, decimal):
+        yield hint
     plain = "".join(str(int(c)) if c.isdecimal() else c for c in cell)
     if plain != cell and is_number(plain, decimal):
         yield f"write the digits 0 to 9: `{plain}`"

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from pkmcal_cli.base.plural import with_article
+from pkmcal_cli.csv_files.cell_remedies import digits_hint
 from pkmcal_cli.expressions.parser import (
     CONSTANTS,
     UNIT_HINT,
@@ -194,7 +195,7 @@ def unknown_unit(written: WrittenValue, fitting: tuple[Dimension, ...], example:
     except UnitError as error:
         inside = re.search(r"\s[-+*]\s|[()]", written.unknown_unit)
         hint = UNIT_HINT if inside else error.hint or (None if example is None else _unit_hint(example))
-        return Slip(error.message, 0, hint, "unit")
+        return Slip(error.message, 0, digits_hint(written.text, ".") or hint, "unit")
     raise AssertionError(f"`{written.unknown_unit}` is a unit")
 
 

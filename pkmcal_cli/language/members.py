@@ -97,7 +97,7 @@ class Beam(Entity, Generic[V]):
     up: tuple[Number[V], ...] = Field(
         default=(), description="Vector in the x-z plane of the beam, base axes (spatial only)"
     )
-    pieces: int = Field(default=1, ge=1, le=1000, description="Number of elements that the beam is divided into")
+    pieces: int = Field(default=1, ge=1, le=100, description="Number of elements that the beam is divided into")
 
 
 class Axial(Entity, Generic[V]):

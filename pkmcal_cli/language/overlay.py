@@ -79,6 +79,9 @@ class _Chain:
             raise BadInput.single(message, extends.where, remedy, "extends", line)
         if not os.path.isfile(path):
             message = f"the file `{extends.value}` does not exist"
+            if os.path.exists(path):
+                message = f"`{extends.value}` is not a regular file"
+                raise BadInput.single(message, extends.where, "give the path of a machine file", "extends", line)
             hint = did_you_mean(extends.value, _yaml_files(folder), "give the path relative to this file")
             raise BadInput.single(message, extends.where, hint, "extends", line)
         return self.read(path)

@@ -72,8 +72,9 @@ def _sigma(raw: Any) -> Any:
     """One value, or values by channel."""
     by_channel = raw if isinstance(raw, dict) else {"": raw}
     for value in by_channel.values():
-        if isinstance(value, dict):
-            raise fault("type", "expected a number or text, found a map", "write, for example, `sigma: {x: 10 um}`")
+        if isinstance(value, dict | list | tuple):
+            message = f"expected a number or text, found {kind_of(value)}"
+            raise fault("type", message, "write, for example, `sigma: {x: 10 um}`")
     return by_channel
 
 

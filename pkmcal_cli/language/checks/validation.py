@@ -24,6 +24,8 @@ _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _BRACES = re.compile(r"\{[^{}]*\}")
 _TWO = "write a list, for example `between: [p, q]` or `limits: [low, high]`"
 _PAIR = "write two points; only a rope runs over more"
+_RANGE = "write half its width, one number; limits for a fit are `bounds: [min, max]`"
+_PIECES = "use fewer pieces: the time to load the machine grows with their third power"
 _MAP = "write `name: {...}`"
 _DECISIVE = ("moves", "drives", "turns", "winds", "unit", "radius", "reads", "nominal")
 """Keys on which the meaning of their siblings hangs."""
@@ -144,11 +146,9 @@ def _add(details: Mapping[str, Any], path: Path, source: SourceMap, faults: Faul
     kind, loc, context = details["type"], details["loc"], details.get("ctx", {})
     if kind == "pkmcal":
         at_key = loc[-1] == "[key]"
-        faults.add(
-            source.fault(
-                context["code"], context["message"], path, context["hint"] or None, context["offset"], at_key=at_key
-            )
-        )
+        is_span = loc[-1] == "range" and isinstance(details["input"], list | tuple)
+        hint = _RANGE if is_span else context["hint"] or None
+        faults.add(source.fault(context["code"], context["message"], path, hint, context["offset"], at_key=at_key))
     elif kind == "extra_forbidden":
         owner, key = _owner(loc[:-1]), str(loc[-1])
         names = list(owner.model_fields) if owner is not None else []
@@ -196,7 +196,9 @@ def _plain_words(details: Mapping[str, Any]) -> tuple[str, str | None]:
         least, actual = context["min_length"], context["actual_length"]
         return f"expected at least {least} entries, found {actual}", _TWO
     if kind in ("greater_than_equal", "less_than_equal"):
-        return f"{shown} is out of range; expected a value {details['msg'].removeprefix('Input should be ')}", None
+        return f"{shown} is out of range; expected a value {details['msg'].removeprefix('Input should be ')}", (
+            _PIECES if details["loc"][-1] == "pieces" and kind == "less_than_equal" else None
+        )
     return str(details["msg"]), None
 
 
