@@ -85,6 +85,12 @@ def test_a_pipe_is_no_machine_to_extend(tmp_path: Path) -> None:
     assert fault.what == "`pipe.yaml` is not a regular file" and fault.hint == "give the path of a machine file"
 
 
+@pytest.mark.parametrize(("force", "severity"), [("-60", "error"), ("0", "warning")])
+def test_ropes_do_not_push(tmp_path: Path, force: str, severity: str) -> None:
+    faults = told(tmp_path, changed("belt-router", "force: 60", f"force: {force}"))
+    assert [(f.severity, f.where and f.where.line) for f in faults] == [(severity, 38)] * 2
+
+
 def test_an_unknown_key_of_sigma_is_the_only_fault(tmp_path: Path) -> None:
     (fault,) = told(tmp_path, changed("hexapod7", "sigma: {position: 5 um", "sigma: {pos: 5 um"))
     assert fault.code == "unknown-key" and fault.hint is not None and "`position`" in fault.hint

@@ -21,7 +21,7 @@ from pkmcal_cli.compiler.parameters import model_parameters
 from pkmcal_cli.compiler.physical import number_faults
 from pkmcal_cli.compiler.placed_effects import declared_effects
 from pkmcal_cli.compiler.reference import ReferenceConfiguration
-from pkmcal_cli.compiler.rope_faults import drawn_faults
+from pkmcal_cli.compiler.rope_faults import drawn_faults, pull_faults
 from pkmcal_cli.compiler.ropes import cables
 from pkmcal_cli.compiler.sensor_table import PlacedPoint, SensorTable
 from pkmcal_cli.compiler.shared_misfit import with_yielding_drives, yields
@@ -88,7 +88,7 @@ def _compiled(machine: Machine, receptive: bool) -> Compiled:
     state, gaps = asm.assemble(first.topology, length)
     made = _assembled(machine, asm.reference_configuration(first.topology, state), receptive)
     far = far_from_drawing(machine, first.topology, state, length)
-    doubts = (*_raise_errors(drawn_faults(made.structure)), *far)
+    doubts = (*_raise_errors([*drawn_faults(made.structure), *pull_faults(made.structure)]), *far)
     topology, drives, sensors = made.topology, made.drives, made.sensors
     basis, system = asm.free_motions(topology, length)
     read = tuple(v.index for v in sensors.observed if v.measurand is Measurand.ORIENTATION)

@@ -98,6 +98,26 @@ def drawn_faults(structure: Structure) -> list[Fault]:
     ]
 
 
+def pull_faults(structure: Structure) -> list[Fault]:
+    """Ropes whose drives are stated to push, or to pull with nothing."""
+    return [
+        fault
+        for name, drive in structure.machine.actuators.items()
+        if drive.winds is not None and drive.force is not None and drive.force.otherwise is not None
+        for fault in _pull_faults(structure, name, drive.force.otherwise.number(structure.nominal))
+    ]
+
+
+def _pull_faults(structure: Structure, name: str, force: float) -> Iterator[Fault]:
+    source, path = structure.machine.source, ("actuators", name, "force")
+    if force < 0:
+        message = f"a negative force pushes, but `{name}` winds a rope, which can only pull"
+        yield source.fault("value", message, path, "write the tension as a positive number")
+    elif force == 0:
+        message, hint = f"`{name}` pulls with no force: its rope is slack", "write the tension as a positive number"
+        yield source.fault("value", message, path, hint, warning=True)
+
+
 def _path_faults(structure: Structure, name: str, path: RopePath) -> Iterator[Fault]:
     rope = path.rope
     for (first, last), free in zip(path.ends, path.free, strict=True):
