@@ -286,3 +286,11 @@ def test_blocks_and_the_whole_are_the_same(triglide: Machine, tmp_path: Path, mo
     assert np.array_equal(whole.actuators, plain.actuators)
     np.testing.assert_allclose(whole.readings, np.column_stack([values["x"], values["y"]]), rtol=1e-15)
     assert stream.notes == plain.notes
+
+
+def test_labels_that_are_hardly_meant_are_told(tmp_path: Path, triglide: Machine) -> None:
+    file, row = tmp_path / "t.csv", "-294,294,600,0,160"
+    file.write_text("\n".join(["session,id,q1 [mm],q2 [mm],q3 [mm],x,y", *(f"{s},1,{row}" for s in ("A", "B", "a"))]))
+    notes = read_measurements([file], triglide).notes
+    assert "all 3 rows have the same `id`, `1`" in notes
+    assert "sessions `A` and `a` differ only in case or blanks; each is one of its own" in notes

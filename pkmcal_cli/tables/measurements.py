@@ -22,6 +22,7 @@ from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.tables.column_binding import Binding, bind
 from pkmcal_cli.tables.column_needs import Bound, Require
 from pkmcal_cli.tables.columns import Column, Role, channel_of_target, columns_of, coordinates_of
+from pkmcal_cli.tables.label_notes import label_notes
 from pkmcal_cli.tables.measurement_set import Measurements, absent, concatenate
 from pkmcal_cli.tables.partners import check_partners, partner_notes
 from pkmcal_cli.tables.serial_days import Times
@@ -44,7 +45,8 @@ def read_measurements(paths: Sequence[Path | str], machine: Machine, require: Re
     stream = MeasurementStream(paths, machine, require)
     measurements = concatenate(stream)
     check_partners(measurements, machine)
-    notes = (*stream.notes, *partner_notes(measurements, machine), *time_order_notes(measurements))
+    of_labels = (*label_notes(measurements), *partner_notes(measurements, machine))
+    notes = (*stream.notes, *of_labels, *time_order_notes(measurements))
     return replace(measurements, notes=notes, warnings=stream.warnings)
 
 
