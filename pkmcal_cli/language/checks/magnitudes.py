@@ -19,6 +19,9 @@ from pkmcal_cli.units.dimensions import (
     LENGTH,
     MASS,
     MODULUS,
+    NUMBER,
+    ROTATIONAL_STIFFNESS,
+    SECOND_MOMENT,
     STIFFNESS,
     Dimension,
 )
@@ -29,6 +32,7 @@ from pkmcal_cli.yaml_source.tree import Path, SourceMap
 
 MAX_WARNINGS = 10
 _SLIP = 1e3 * (1 - 1e-9)
+_SLIPS = {AREA: 100 * (1 - 1e-9)}  # mm^2 for cm^2
 
 _CANDIDATES: dict[Dimension, tuple[str, ...]] = {
     LENGTH: ("nm", "um", "mm", "m"),
@@ -39,6 +43,9 @@ _CANDIDATES: dict[Dimension, tuple[str, ...]] = {
     STIFFNESS: ("N/m", "N/mm", "N/um", "kN/mm"),
     DENSITY: ("kg/m^3", "g/cm^3", "kg/mm^3"),
     AREA: ("mm^2", "cm^2", "m^2"),
+    SECOND_MOMENT: ("mm^4", "cm^4", "m^4"),
+    ROTATIONAL_STIFFNESS: ("Nmm/rad", "Nm/rad", "kNm/rad"),
+    NUMBER: ("mm/m",),
 }
 
 
@@ -160,7 +167,7 @@ def unit_meant(number: float, unit: Unit, plausible: tuple[float, float], dimens
         candidate = parse_unit(text)
         value = number * candidate.scale
         ratio = candidate.scale / unit.scale
-        if not plausible[0] <= value <= plausible[1] or max(ratio, 1 / ratio) < _SLIP:
+        if not plausible[0] <= value <= plausible[1] or max(ratio, 1 / ratio) < _SLIPS.get(dimension, _SLIP):
             continue
         if plausible[0] > 0:
             distance = abs(math.log(value / math.sqrt(plausible[0] * plausible[1])))
