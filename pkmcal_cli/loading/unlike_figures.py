@@ -137,10 +137,11 @@ def _workspace(doubts: Doubts, size: float) -> Iterator[Fault]:
         unit = machine.file_units.angle
         if doubts.size(limit) > most * (1 + 1e-9):
             number = doubts.size(limit) / unit.scale
-            message = f"{limit.path[-1]} of the workspace reaches to {number:g} {unit.text}, more than "
-            message += "half a turn" if machine.space == "spatial" else "a turn"
+            reach = "half a turn" if machine.space == "spatial" else "a turn"
+            message = f"{limit.path[-1]} of the workspace reaches to {number:g} {unit.text}, more than {reach}"
             message += f": did you mean {number:g} deg?" if unit.scale == 1.0 else ""
-            yield doubts.fault("magnitude", message, limit.path, f"bare angles are in {unit.text}; write `{number:g} deg`")
+            hint = f"bare angles are in {unit.text}; write `{number:g} deg`"
+            yield doubts.fault("magnitude", message, limit.path, hint)
             break
     sigmas = [s.constant for each in machine.sensors.values() for s in each.sigma.values()]
     finest = min((s.number(doubts.values) for s in sigmas if s.dimension == LENGTH), default=0.0)
