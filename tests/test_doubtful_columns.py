@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
+from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.tables.measurements import read_measurements
@@ -33,3 +36,27 @@ def test_of_many_unused_columns_the_first_twenty_are_told(tmp_path: Path) -> Non
     notes = found(tmp_path, f"q1,q2,q3,x,{foreign}", f"{ROW}{',9' * 25}").notes
     (note,) = (n for n in notes if "columns not used" in n)
     assert "foreign19" in note and "foreign20" not in note and "and 5 more" in note
+
+
+@pytest.mark.parametrize(("header", "cells", "meant"), [
+    ("T [degC]", "292.95", "K"), ("T", "292.95", "K"), ("T [K]", "19.8", "degC"),
+])  # fmt: skip
+def test_temperatures_of_another_unit(header: str, cells: str, meant: str, tmp_path: Path) -> None:
+    (doubt,) = found(tmp_path, f"{HEAD.rpartition(',')[0]},{header}", f"{ROW},{cells}").warnings
+    assert (doubt.code, doubt.severity) == ("csv-unit", "warning") and doubt.where is not None and doubt.where.line == 1
+    assert f"looks like {meant}" in doubt.what and doubt.hint == f"write `T [{meant}]` in the header"
+
+
+@pytest.mark.parametrize(("header", "cells"), [
+    ("T [degC]", "-20"), ("T [degC]", "120"), ("T [K]", "292.95"), ("T [K]", "77"), ("T [degC]", ""),
+])  # fmt: skip
+def test_temperatures_of_a_workshop(header: str, cells: str, tmp_path: Path) -> None:
+    assert found(tmp_path, f"{HEAD.rpartition(',')[0]},{header}", f"{ROW},{cells}").warnings == ()
+
+
+@pytest.mark.parametrize("unit", ["degF", "\u00b0F"])
+def test_degrees_fahrenheit_are_to_be_converted(unit: str, tmp_path: Path) -> None:
+    with pytest.raises(BadInput) as caught:
+        found(tmp_path, f"{HEAD.rpartition(',')[0]},T [{unit}]", f"{ROW},68")
+    (fault,) = caught.value.faults
+    assert fault.hint is not None and "(F - 32)/1.8" in fault.hint

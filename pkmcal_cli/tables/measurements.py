@@ -20,12 +20,12 @@ from pkmcal_cli.csv_files.dialect import Flaw
 from pkmcal_cli.csv_files.reader import TableReader, no_rows, open_table
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.tables.column_binding import Binding, bind
+from pkmcal_cli.tables.column_doubts import ColumnDoubts
 from pkmcal_cli.tables.column_needs import Bound, Require
 from pkmcal_cli.tables.columns import Column, Role, channel_of_target, columns_of, coordinates_of
 from pkmcal_cli.tables.label_notes import label_notes
 from pkmcal_cli.tables.measurement_set import Measurements, absent, concatenate
 from pkmcal_cli.tables.partners import check_partners, partner_notes
-from pkmcal_cli.tables.serial_days import Times
 from pkmcal_cli.tables.silent_sensors import TableUse, silent_sensors
 from pkmcal_cli.tables.time_order import time_order_notes
 from pkmcal_cli.tables.touches import Touches, implied_touches, unclear_touches
@@ -132,7 +132,7 @@ class _File:
     gaps: Counter[str] = field(default_factory=Counter)  # empty cells of channels and forces
     idle: int = 0  # rows in which nothing was measured
     use: TableUse | None = None
-    times: Times = field(default_factory=Times)
+    columns: ColumnDoubts = field(default_factory=ColumnDoubts)
     doubts: tuple[Fault, ...] = ()
     touches: Touches = field(default_factory=lambda: Touches({}))
 
@@ -152,7 +152,7 @@ class _File:
                 self.rows += len(chunk.lines)
                 if not log.total:
                     part = self._convert(chunk, binding, reader)
-                    self._count(part)
+                    self._count(part, binding)
                     yield part
             if not self.rows and not log.total:
                 log.add(no_rows(reader))
@@ -160,18 +160,7 @@ class _File:
             touches = self.touches.note(self.machine, self.rows)
             self.notes += [*reader.notes, *binding.notes, *([touches] if touches else []), *self._counts(binding)]
             log.raise_if_any()
-            self.doubts = self._day_numbers(binding, reader)
-
-    def _day_numbers(self, binding: Binding, reader: TableReader) -> tuple[Fault, ...]:
-        """A warning where the column `time` holds a spreadsheet's days and not seconds."""
-        bound = binding.named("time")
-        seconds = bound is not None and binding.column_rules.kinds[bound.index] == "number" and bound.unit.text == "s"
-        flaw = self.times.flaw(reader.format.header_line, bound.index) if bound is not None and seconds else None
-        if flaw is None:
-            return ()
-        log = FaultLog(reader.name, reader.format.separator)
-        log.add(flaw, reader.header_source())
-        return tuple(replace(fault, severity="warning") for fault in log.faults)
+            self.doubts = self.columns.warnings(binding, reader)
 
     def _convert(self, chunk: Chunk, binding: Binding, reader: TableReader) -> Measurements:
         machine, rows = self.machine, len(chunk.lines)
@@ -222,12 +211,12 @@ class _File:
         index = np.array([names.setdefault(text, len(names)) for text in texts], dtype=np.int64)
         return tuple(names), index
 
-    def _count(self, part: Measurements) -> None:
+    def _count(self, part: Measurements, binding: Binding) -> None:
         for name, values in zip(part.channels, part.readings.T, strict=True):
             self.gaps[name] += int(np.isnan(values).sum())
         for name, values in zip(part.actuator_names, part.forces.T, strict=True):
             self.gaps[f"{name}.force"] += int(np.isnan(values).sum())
-        self.times.add(part.covariates.get("time"))
+        self.columns.add(part.covariates, binding)
         self.idle += int((~part.measured.any(axis=1)).sum())
 
     def _counts(self, binding: Binding) -> list[str]:

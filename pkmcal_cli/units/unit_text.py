@@ -142,8 +142,6 @@ def parse_unit(text: str, fitting: tuple[Dimension, ...] = ()) -> Unit:
 _EXAMPLE = 'write, for example, "mm", "kN/mm" or "N*m/rad"; combine units with `*`, `/`, `^` or `**`'
 _SHORT = 2  # letters: almost every unit is near to a name as short as that
 _NEAR = 0.75  # likeness (`difflib`): most units are so short that one is in many a word, as `in` is in `minn`
-
-
 _NAME = re.compile(r"[A-Za-z]{1,20}")
 _DIGITS = r"[+-]?(?:\d{1,30}\.?\d{0,30}|\.\d{1,30})(?:[eE][+-]?\d{1,3})?"
 _SIZE = re.compile(rf"(?P<above>{_DIGITS})\s*(?:/\s*(?P<below>{_DIGITS})\s*)?(?P<unit>[A-Za-zµμ°%].{{0,20}})")
@@ -198,6 +196,8 @@ class _UnitParser:
 
     def suggestion(self, name: str) -> str | None:
         """What may have been meant by the token `name`, the last one taken; None where no unit in its place fits."""
+        if name in ("degF", "°F", "F") and self.would_fit("degC"):
+            return "did you mean `degC`? Convert degrees Fahrenheit: (F - 32)/1.8"
         names = [unit for unit in (*UNITS, *_WORDS) if self.would_fit(unit)]
         if not names:
             return None

@@ -1,0 +1,70 @@
+"""Numbers of a table that look like those of another unit than its header says: days for seconds, K for degC."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from pkmcal_cli.base.errors import Fault
+from pkmcal_cli.csv_files.cell_values import FaultLog, FloatArray
+from pkmcal_cli.csv_files.dialect import Flaw
+from pkmcal_cli.csv_files.reader import TableReader
+from pkmcal_cli.tables.column_binding import Binding
+from pkmcal_cli.tables.column_needs import Bound
+from pkmcal_cli.tables.serial_days import Times
+from pkmcal_cli.units.dimensions import TEMPERATURE
+
+_ZERO = 273.15  # K, 0 degC
+_WORKSHOP = (-60.0, 150.0)  # degC, out of doors to hot parts
+_COLD = 60.0  # K: nothing is calibrated colder
+
+
+@dataclass
+class ColumnDoubts:
+    """The times and temperatures of a file so far."""
+
+    times: Times = field(default_factory=Times)
+    temperatures: dict[str, tuple[float, float]] = field(default_factory=dict)  # K, smallest and largest
+
+    def add(self, covariates: Mapping[str, FloatArray], binding: Binding) -> None:
+        """Take those of some rows, SI."""
+        self.times.add(covariates.get("time"))
+        for bound in binding.of("covariate"):
+            name = bound.column.name
+            values = covariates[name] if bound.unit.dimension == TEMPERATURE else np.zeros(0)
+            known = values[np.isfinite(values)]
+            if len(known):
+                low, high = self.temperatures.get(name, (np.inf, -np.inf))
+                self.temperatures[name] = min(low, float(known.min())), max(high, float(known.max()))
+
+    def warnings(self, binding: Binding, reader: TableReader) -> tuple[Fault, ...]:
+        """What is to be said of the columns."""
+        log = FaultLog(reader.name, reader.format.separator)
+        line = reader.format.header_line
+        bound = binding.named("time")
+        if bound is not None and binding.column_rules.kinds[bound.index] == "number" and bound.unit.text == "s":
+            self._add(log, self.times.flaw(line, bound.index), reader)
+        for name in self.temperatures:
+            temperature = binding.named(name)
+            self._add(log, self._temperature(temperature, line) if temperature else None, reader)
+        return tuple(replace(fault, severity="warning") for fault in log.faults)
+
+    def _add(self, log: FaultLog, flaw: Flaw | None, reader: TableReader) -> None:
+        if flaw is not None:
+            log.add(flaw, reader.header_source())
+
+    def _temperature(self, bound: Bound, line: int) -> Flaw | None:
+        """Of a column whose numbers are those of a workshop in the other unit."""
+        low, high = self.temperatures[bound.column.name]
+        name, unit = bound.column.header, bound.unit.text
+        low, high = bound.unit.from_si(low), bound.unit.from_si(high)
+        if unit == "degC" and _WORKSHOP[0] <= low - _ZERO <= high - _ZERO <= _WORKSHOP[1] < low:
+            meant = "K"
+        elif unit == "K" and _WORKSHOP[0] <= low <= high < _COLD:
+            meant = "degC"
+        else:
+            return None
+        message = f"column `{name}` is read in {unit}, but {low:g} to {high:g} looks like {meant}"
+        return Flaw("csv-unit", message, f"write `{name} [{meant}]` in the header", line, bound.index)
