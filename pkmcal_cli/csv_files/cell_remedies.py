@@ -9,6 +9,7 @@ from datetime import datetime
 
 from pkmcal_cli.csv_files.dialect import DECIMAL_NAMES, is_number
 from pkmcal_cli.units.file_units import UnitError, parse_unit
+from pkmcal_cli.units.letters import digits_of
 
 LEAVE_EMPTY = "leave the cell empty where nothing was measured"
 COMMENTS = "write comments only before the header, in lines that begin with `#`"
@@ -18,7 +19,6 @@ _MISSING |= {"missing", "error", "err", "void", "out"}
 _NO_NUMBER = re.compile(r"[+-]?(?:1[.,]#(?:q?nan|snan|ind)0*|nan\(.*\))", re.IGNORECASE)  # of C libraries
 _SPREADSHEET = re.compile(r"#[\w/ ]+[!?]|#N/?[AV]|#+", re.IGNORECASE)  # #N/A, #DIV/0!, #WERT!, ####
 _MINUS = "\u2212\u2013\u2014\u2010\u2011"  # minus sign, dashes, hyphens
-_LETTERS_FOR_DIGITS = str.maketrans({"O": "0", "o": "0", "l": "1", "I": "1"})
 _EXPONENT = re.compile(
     r"([+-]?[0-9.,]+)(?:[dDqQ]|\s*[eE]\s*|\s*[*x\u00d7\u00b7]\s*10\s*(?:\^|\*\*)\s*)([+-]?\s*[0-9]+)"
 )
@@ -79,16 +79,11 @@ def _marks(cell: str, decimal: str, column: str) -> Iterator[str]:
         yield "write one number with one decimal mark; two numbers need a separator between them"
 
 
-def digits_hint(text: str, decimal: str) -> str | None:
-    """The remedy for a number of which some digits are letters."""
-    digits = text.translate(_LETTERS_FOR_DIGITS)
-    return f"write digits, not letters: `{digits}`" if digits != text and is_number(digits, decimal) else None
-
-
 def _letters(cell: str, decimal: str, column: str) -> Iterator[str]:
     """Letters and foreign digits for digits."""
-    if hint := digits_hint(cell, decimal):
-        yield hint
+    digits = digits_of(cell)
+    if digits != cell and is_number(digits, decimal):
+        yield f"write digits, not letters: `{digits}`"
     plain = "".join(str(int(c)) if c.isdecimal() else c for c in cell)
     if plain != cell and is_number(plain, decimal):
         yield f"write the digits 0 to 9: `{plain}`"
