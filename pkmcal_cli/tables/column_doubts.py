@@ -17,7 +17,7 @@ from pkmcal_cli.tables.serial_days import Times
 from pkmcal_cli.units.dimensions import TEMPERATURE
 
 _ZERO = 273.15  # K, 0 degC
-_WORKSHOP = (-60.0, 150.0)  # degC, out of doors to hot parts
+_WORKSHOP = (-20.0, 150.0)  # degC, a cold hall to hot parts
 _COLD = 60.0  # K: nothing is calibrated colder
 
 
