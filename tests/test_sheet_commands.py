@@ -1,4 +1,4 @@
-"""The commands that a sheet prints run as they are printed."""
+"""The commands that a sheet prints run as they are printed; what it does not judge."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.command import clean, run
+from tests.command import MACHINES, clean, run
 from tests.test_commands_report import circle, perfect
 
 
@@ -25,3 +25,14 @@ def test_commands_of_a_judged_sheet_run_as_they_are_printed(tmp_path: Path, monk
     assert [line.split()[1] for line in printed] == ["calibrate", "check"] and "--select l1" in printed[0]
     for line in printed:
         assert run(*shlex.split(line)[1:]).code == 0
+
+
+def test_a_copy_of_a_row_is_no_slip_of_the_measurement(tmp_path: Path) -> None:
+    """It is not used, as it adds nothing; the row that it is a copy of is judged."""
+    rows = [line for line in (MACHINES / "triglide.csv").read_text().splitlines() if not line.startswith("#")][:61]
+    (tmp_path / "m.csv").write_text("\n".join([*rows, rows[5], ""]), encoding="utf-8")
+    done = clean(
+        run("report", MACHINES / "triglide.yaml", tmp_path / "m.csv", "--tolerance", "100 um", "--json",
+            "-o", tmp_path / "s.html")
+    )  # fmt: skip
+    assert "exact copy" in done.err and done.json["not_judged"] == []

@@ -89,9 +89,10 @@ class Results:
 
     @cached_property
     def all_rows(self) -> Problem:
-        """The last fit's problem with all that was measured."""
+        """The last fit's problem with all that was measured, but for exact copies of rows."""
         problem = self.calibrated.problem if self.improved is None else self.improved.improvement.problem
-        return with_rows(problem, list(range(len(problem))))
+        copied = {row for group in problem.copies for row in group[1:]}
+        return with_rows(problem, [row for row in range(len(problem)) if row not in copied])
 
     def _whole_points(self, points: PointErrors) -> PointErrors:
         """Those of which no coordinate was left out: else a point that is far off would pass by the others."""

@@ -10,7 +10,10 @@ from pkmcal_cli.base.errors import UsageError
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.outputs import check_folder
+from pkmcal_cli.calibration.error_budget import error_budget, held_parameters
 from pkmcal_cli.calibration.identify import RowsFailed
+from pkmcal_cli.calibration.plausible import implausible_residuals, implausible_values
+from pkmcal_cli.calibration.range_check import range_check
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis, Verdict, diagnose
 from pkmcal_cli.loading.poses import origin_of
 from pkmcal_cli.pictures.picture import Picture
@@ -66,6 +69,8 @@ def run_diagnosis(request: DiagnosisRequest) -> int:
     report.show(to)
     Loads.of_fit(diagnosis.search.problem, diagnosis.search.fit, partial(origin_of, case.measured)).show(to)
     _draw(request, case, diagnosis, to)
+    for reason in _implausible(diagnosis):
+        to.warn(f"warning: no cause was found, but the calibration is implausible: {reason}")
     failed = diagnosis.verdict in fails_on
     if request.quiet and failed:
         to.fail(report.verdict_line())
@@ -83,6 +88,15 @@ def run_diagnosis(request: DiagnosisRequest) -> int:
         )
         keep_run(request.run, case.inputs, kept, to)
     return int(failed)
+
+
+def _implausible(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Why a calibration of which nothing is left is not to be believed, as `calibrate` has it."""
+    problem, fit = diagnosis.search.problem, diagnosis.search.fit
+    if diagnosis.verdict != "clean" or fit.status != "converged":
+        return ()
+    budget = error_budget(problem, fit, held_parameters(problem, fit.selected, ()))
+    return (*implausible_values(problem, range_check(problem, fit, budget)), *implausible_residuals(problem, fit))
 
 
 def _draw(request: DiagnosisRequest, case: Case, diagnosis: Diagnosis, to: Reporter) -> None:
