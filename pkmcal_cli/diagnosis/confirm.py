@@ -48,7 +48,6 @@ class HeldOutGain:
         """Whether rows that were not used to fit are predicted worse: then the effect is no cause."""
         return not self.gain > 0.0
 
-
     @property
     def harms(self) -> bool:
         """Whether they are predicted worse by more than chance: where parameters can stand for the effect."""

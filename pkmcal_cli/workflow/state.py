@@ -104,9 +104,10 @@ def _parsed(file: str) -> dict[str, Any]:
             message = (
                 f"this state file has the format `{str(record['form'])[:40]}`; this release of pkmcal reads `{_FORM}`"
             )
-        if record["form"] == _FORM and isinstance(record["asked"], dict) and isinstance(record["results"], dict):
+        numbered = all(number.isdecimal() for number, _ in record["results"].items())
+        if record["form"] == _FORM and isinstance(record["asked"], dict) and numbered:
             return dict(record)
-    except (ValueError, TypeError, KeyError, RecursionError):
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         pass
     raise BadInput.single(message, Location(file), _OTHER, "state")
 
