@@ -27,12 +27,11 @@ class Number:
 
 
 class Doubts:
-    """Warnings of one machine; of each place one."""
+    """Warnings of one machine."""
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
         self.values = machine.nominal_values()
-        self._reported: set[Path] = set()
 
     def size(self, number: Number) -> float:
         """The magnitude at nominal, SI."""
@@ -42,15 +41,12 @@ class Doubts:
         """A warning where the number is outside, but for 0, which is none that was slipped."""
         value = self.size(number)
         if value and not band[0] <= value <= band[1]:
-            yield from self.of_number(number, band, hint)
+            yield self.of_number(number, band, hint)
 
-    def of_number(self, number: Number, band: Band, hint: str | None = None) -> Iterator[Fault]:
-        """A warning of a number, if its place has none."""
-        path = self._written_at(number)
-        if path not in self._reported:
-            self._reported.add(path)
-            unit, dimension = self._unit(number), number.quantity.dimension
-            yield self.of_value(number.label, path, self.size(number), dimension, band, unit=unit, hint=hint)
+    def of_number(self, number: Number, band: Band, hint: str | None = None) -> Fault:
+        """The warning of a number where it is written."""
+        path, unit, dimension = self._written_at(number), self._unit(number), number.quantity.dimension
+        return self.of_value(number.label, path, self.size(number), dimension, band, unit=unit, hint=hint)
 
     def of_value(
         self, label: str, path: Path, value: float, dimension: Dimension, band: Band, *,

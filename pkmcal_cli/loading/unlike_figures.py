@@ -42,7 +42,7 @@ def _material(doubts: Doubts, name: str, material: Material) -> Iterator[Fault]:
     """The shear modulus beside E: nu = E/(2G) - 1 is positive, and below 0.5 but for fibres."""
     modulus = material.E.number(doubts.values)
     stiffest = 0.5 * modulus * (1 + 1e-9) if modulus >= _STIFF_MATERIAL else math.inf
-    hint = f"G = E/(2(1 + nu)): with this E and nu = 0.3 it were {modulus / 2.6e9:.3g} GPa"
+    hint = f"G = E/(2(1 + nu)): with this E and nu = 0.3 it would be {modulus / 2.6e9:.3g} GPa"
     for shear in numbers_of(("materials", name), material, ("G",)):
         yield from doubts.outside(shear, (modulus / _FIBRES, stiffest), hint)
 
@@ -58,13 +58,13 @@ def _section(doubts: Doubts, name: str, section: Section) -> Iterator[Fault]:
     shape = f"I/A^2 of {name} = {small / square:.3g}"
     hint = f"check the units of area, Iy and Iz: {shape}; it is 0.08 of a solid bar and up to 50 of a thin tube"
     if small > _COMPOUND * square:
-        yield from doubts.of_number(area, (math.sqrt(large / _COMPOUND), math.sqrt(12.0 * small)), hint)
+        yield doubts.of_number(area, (math.sqrt(large / _COMPOUND), math.sqrt(12.0 * small)), hint)
     elif large > _COMPOUND * square:
-        yield from doubts.of_number(moments[-1], (small, _COMPOUND * square), hint)
+        yield doubts.of_number(moments[-1], (small, _COMPOUND * square), hint)
     elif len(moments) == 1 and small < _BLADE * square:
-        yield from doubts.of_number(moments[0], (_SOLID * square, _COMPOUND * square), hint)
+        yield doubts.of_number(moments[0], (_SOLID * square, _COMPOUND * square), hint)
     elif len(moments) == 2 and small * large < (_SOLID * square) ** 2:
-        yield from doubts.of_number(moments[0], ((_SOLID * square) ** 2 / large, _COMPOUND * square), hint)
+        yield doubts.of_number(moments[0], ((_SOLID * square) ** 2 / large, _COMPOUND * square), hint)
     elif len(moments) == 2:
         polar = small + large
         hint = "check the unit: J is Iy + Iz of a round section and less of all others"
@@ -112,7 +112,7 @@ def _in_one(doubts: Doubts, numbers: Sequence[Number]) -> Iterator[Fault]:
         odd, others = ordered[-1], ordered[:-1]
     band: Band = (doubts.size(others[-1]) / _ONE_GUIDE, doubts.size(others[0]) * _ONE_GUIDE)
     hint = "check the unit: other directions of it are more than a thousand times stiffer or softer"
-    yield from doubts.of_number(odd, band, hint)
+    yield doubts.of_number(odd, band, hint)
 
 
 def _strain(doubts: Doubts) -> Iterator[Fault]:
