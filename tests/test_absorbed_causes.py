@@ -53,6 +53,19 @@ def test_a_constant_that_a_dimension_takes_up(
     assert with_it == pytest.approx(without, rel=0.1), "no worse is held out by the dimension"
 
 
+def test_a_wrong_cell_beside_it_is_neither_its_cause_nor_hides_it(tmp_path: Path) -> None:
+    """How far ranges turn out to be is asked of the other rows, and what they predict without the cause stays good."""
+    table = Path(with_constants(tmp_path / "t.csv", "triglide", {"q2": 4.0}))
+    head, *rows = table.read_text().splitlines()
+    cells, x = rows[7].split(","), head.split(",").index("x [mm]")
+    cells[x] = str(float(cells[x]) + 2.0)
+    table.write_text("\n".join([head, *rows[:7], ",".join(cells), *rows[8:], ""]))
+    done = diagnosed(TRIGLIDE, str(table))
+    (effect,) = done.json["effects"]
+    assert (effect["effect"], effect["at"]) == ("zero", "q2") and [r["line"] for r in done.json["outliers"]] == [9]
+    assert effect["heldout_rms"] == pytest.approx(effect["heldout_rms_without"], rel=0.1)
+
+
 def test_what_is_improved_by_it_is_not_claimed(tmp_path: Path) -> None:
     """The error before is that of `calibrate`, which has it in a dimension: nothing falls, so nothing is confirmed."""
     table = with_constants(tmp_path / "t.csv", "triglide", {"q2": 4.0})

@@ -75,6 +75,8 @@ def test_a_gain_within_its_error_confirms_nothing() -> None:
     within = HeldOutGain(with_it=1.0, without=1.0, gain=0.5, error=1.0, scheme="")
     assert not within.confirmed and not within.contradicts
     assert replace(within, gain=1.5).confirmed and replace(within, gain=-0.5).contradicts
+    assert not within.harms and not replace(within, gain=-0.5).harms
+    assert replace(within, gain=-2.5).harms and replace(within, gain=-0.5, with_it=2.0).harms, "twice the error"
 
 
 def linear(columns: Array, projected: int, residual: Array) -> Linear:

@@ -58,7 +58,8 @@ def unit_slips(machine: Machine, size: float) -> list[Fault]:
     doubts = Doubts(machine)
     faults = [fault for number, band in _numbers(machine, size) for fault in doubts.outside(number, band)]
     others = (unlike_figures(doubts, size), _gravity(doubts), _ranges(doubts, size), _angles(doubts))
-    places = {fault.where: fault for fault in reversed([*faults, *itertools.chain(*others)])}  # the first of a place, as of an `each`
+    every = [*faults, *itertools.chain(*others)]
+    places = {fault.where: fault for fault in reversed(every)}  # the first of a place, which all of an `each` share
     return list(reversed(places.values()))[:MAX_WARNINGS]
 
 
