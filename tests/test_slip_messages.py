@@ -9,7 +9,7 @@ import pytest
 
 from pkmcal_cli.base.errors import BadInput, Fault
 from pkmcal_cli.loading.load_machine import load_machine
-from tests.command import MACHINES
+from tests.command import MACHINES, TRIGLIDE, run
 from tests.csv_tables import read_table
 
 FAR = """
@@ -150,3 +150,10 @@ def test_a_time_that_is_none_among_seconds(cell: str, what: str, tmp_path: Path)
 def test_a_decimal_comma_in_one_cell(row: str, hint: str, tmp_path: Path) -> None:
     fault = cell_fault(tmp_path, f"x,y\n1.5,2.5\n0.5,1.5\n{row}\n")
     assert fault.code == "csv-width" and fault.hint is not None and fault.hint.startswith(hint)
+
+
+def test_letters_for_digits_in_a_parameter_file(tmp_path: Path) -> None:
+    file = tmp_path / "p.yaml"
+    file.write_text("parameters: {l1: {value: 3OO, unit: mm}}\n")
+    done = run("simulate", TRIGLIDE, "--grid", "x=400:500:2,y=250", "-p", file, "-o", tmp_path / "o.csv")
+    assert done.code == 3 and "help: write digits, not letters: `300`" in done.err

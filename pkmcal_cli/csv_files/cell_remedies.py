@@ -9,7 +9,7 @@ from datetime import datetime
 
 from pkmcal_cli.csv_files.dialect import DECIMAL_NAMES, is_number
 from pkmcal_cli.units.file_units import UnitError, parse_unit
-from pkmcal_cli.units.letters import digits_of
+from pkmcal_cli.units.letters import digits_hint
 
 LEAVE_EMPTY = "leave the cell empty where nothing was measured"
 COMMENTS = "write comments only before the header, in lines that begin with `#`"
@@ -81,9 +81,8 @@ def _marks(cell: str, decimal: str, column: str) -> Iterator[str]:
 
 def _letters(cell: str, decimal: str, column: str) -> Iterator[str]:
     """Letters and foreign digits for digits."""
-    digits = digits_of(cell)
-    if digits != cell and is_number(digits, decimal):
-        yield f"write digits, not letters: `{digits}`"
+    if hint := digits_hint(cell, lambda digits: is_number(digits, decimal)):
+        yield hint
     plain = "".join(str(int(c)) if c.isdecimal() else c for c in cell)
     if plain != cell and is_number(plain, decimal):
         yield f"write the digits 0 to 9: `{plain}`"

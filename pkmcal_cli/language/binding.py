@@ -23,7 +23,7 @@ from pkmcal_cli.expressions.parser import (
 from pkmcal_cli.language.quantities import Quantity, WrittenValue
 from pkmcal_cli.units.dimensions import ANGLE, DIMENSIONS, NUMBER, Dimension
 from pkmcal_cli.units.file_units import FileUnits
-from pkmcal_cli.units.letters import digits_of
+from pkmcal_cli.units.letters import digits_hint
 from pkmcal_cli.units.limits import HINT, beyond
 from pkmcal_cli.units.unit_text import UNITS, Unit, UnitError, parse_unit
 
@@ -195,10 +195,7 @@ def unknown_unit(written: WrittenValue, fitting: tuple[Dimension, ...], example:
     except UnitError as error:
         inside = re.search(r"\s[-+*]\s|[()]", written.unknown_unit)
         hint = UNIT_HINT if inside else error.hint or (None if example is None else _unit_hint(example))
-        digits = digits_of(written.text)
-        if re.fullmatch(r"[+-]?[0-9]+(?:\.[0-9]*)?", digits):
-            hint = f"write digits, not letters: `{digits}`"
-        return Slip(error.message, 0, hint, "unit")
+        return Slip(error.message, 0, digits_hint(written.text) or hint, "unit")
     raise AssertionError(f"`{written.unknown_unit}` is a unit")
 
 

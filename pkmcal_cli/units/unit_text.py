@@ -22,6 +22,7 @@ from pkmcal_cli.units.dimensions import (
     TORQUE,
     Dimension,
 )  # fmt: skip
+from pkmcal_cli.units.letters import digits_hint
 from pkmcal_cli.units.limits import LARGEST, SMALLEST
 
 
@@ -290,11 +291,10 @@ def split_value(text: str) -> tuple[float, str | None] | None:
 
 
 def parse_value(text: str, fitting: tuple[Dimension, ...] = ()) -> tuple[float, Unit]:
-    """A text "12 um" as number and unit ("1" when there is none); `fitting` as in `parse_unit`.
-
-    Raises `UnitError` when the text is no number with a unit of the table.
-    """
-    parts = split_value(text)
-    if parts is None:
+    """A text "12 um" as number and unit ("1" when there is none); `fitting` as in `parse_unit`. Raises UnitError."""
+    if (parts := split_value(text)) is None:
         raise UnitError(f"`{text}` is not a number with a unit", 'write, for example, "12 um"')
-    return parts[0], parse_unit(parts[1], fitting) if parts[1] else UNITS["1"]
+    try:
+        return parts[0], parse_unit(parts[1], fitting) if parts[1] else UNITS["1"]
+    except UnitError as error:
+        raise UnitError(error.message, digits_hint(text) or error.hint) from None
