@@ -155,5 +155,5 @@ def test_a_decimal_comma_in_one_cell(row: str, hint: str, tmp_path: Path) -> Non
 def test_letters_for_digits_in_a_parameter_file(tmp_path: Path) -> None:
     file = tmp_path / "p.yaml"
     file.write_text("parameters: {l1: {value: 3OO, unit: mm}}\n")
-    done = run("simulate", TRIGLIDE, "--grid", "x=400:500:2,y=250", "-p", file, "-o", tmp_path / "o.csv")
+    done = run("simulate", TRIGLIDE, "--grid", "x=400:500:2,y=250:260:2", "-p", file, "-o", tmp_path / "o.csv")
     assert done.code == 3 and "help: write digits, not letters: `300`" in done.err
