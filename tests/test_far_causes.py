@@ -42,7 +42,8 @@ def test_a_length_forgotten_in_every_belt_is_named(tmp_path: Path) -> None:
     assert done.code == 1 and names(done) == {"zero@all"} and done.json["verdict"] == "found"
     (found,) = done.json["effects"]
     (size,) = found["parameters"]
-    assert abs(size["value"] - 150_000) < 4 * size["std"] < 8_000 and size["unit"] == "um"
+    assert abs(size["value"] - 150_000) < 4 * size["std"] < 15_000, "with what the radii of drums that are held add"
+    assert size["unit"] == "um"
     assert len(found["far_off"]) > 3 and max(map(abs, found["far_off"].values())) > 100, "anchors, in mm"
     assert "far beyond the plausible range: zero@all" in done.err
     assert "Without it, parameters come out far off nominal: " in done.err

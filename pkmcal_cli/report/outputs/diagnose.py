@@ -103,7 +103,7 @@ unknown[].depends_on text: `pose`, `time`, `temperature`, `direction`, `load`, `
 unknown[].rms number?: size; null if it has none
 unknown[].unit text:
 unknown[].p_value number?:
-unknown[].hint text: description
+unknown[].hint text?: description; null without one
 unknown[].largest?.x number: position at which a smooth map of the residuals is largest; `largest` is null if there is
     no map
 unknown[].largest.y number:
