@@ -65,6 +65,22 @@ def test_diagnose_names_a_wrong_reading_and_nothing_else(tmp_path: Path, off: fl
     assert "bad reading: " in run("diagnose", machine, table).err
 
 
+def test_a_doubtful_reading_is_used_and_named_alike_by_all(tmp_path: Path) -> None:
+    """Off by three standard uncertainties: too little to find fault with the measurement, too much to say nothing."""
+    made, selected = problem(tmp_path, 0.0)
+    (right,) = bench_readings(made, identify(made.leaving_out(made.once), selected))
+    machine, table, _ = gauge(tmp_path, 3.0 * float(np.hypot(right.sigma, right.predicted_std)) - right.off)
+    calibrated = run("calibrate", machine, table, "--holdout", "none", "--json")
+    (reason,) = [text for text in calibrated.json["incomplete"] if "gauge" in text]
+    for command in ("diagnose", "improve"):
+        done = run(command, machine, table, "--json")
+        assert done.code == 0 and f"suspected reading: {reason}; still used: measure it again" in done.err
+        (named,) = done.json["bench"]
+        assert named["used"] and named["off"] == pytest.approx(calibrated.json["bench"][0]["off"], rel=1e-3)
+    sheet = run("report", machine, table, "-o", tmp_path / "r.html")
+    assert sheet.code == 0 and f"Provisional: {reason}." in sheet.err + sheet.out
+
+
 def test_a_good_reading_is_used_and_has_no_word(tmp_path: Path) -> None:
     machine, table, l1 = gauge(tmp_path, 4e-6)
     found = run("calibrate", machine, table, "--holdout", "none", "--json").json

@@ -9,6 +9,7 @@ import numpy as np
 
 from pkmcal_cli.calibration.bench_readings import BenchReading, bench_readings
 from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.problem import Problem, usable
 from pkmcal_cli.diagnosis.alpha import Alpha
 from pkmcal_cli.diagnosis.gross_rows import Rows, gross_rows
@@ -76,6 +77,17 @@ def left_out_readings(search: Search) -> tuple[BenchReading, ...]:
     """Readings of the bench that were taken out, against the fit."""
     used = search.problem.once
     return bench_readings(search.problem.leaving_out(used), search.fit)
+
+
+def doubtful_readings(search: Search) -> tuple[BenchReading, ...]:
+    """Readings of the bench that are used, but that the rows contradict all the same, with all that was accepted."""
+    problem = search.problem
+    try:
+        table = recalibrated(replace(search, problem=problem.leaving_out((*problem.left_out, *problem.once))))
+    except RowsFailed:
+        return ()
+    readings = bench_readings(problem, table.fit)
+    return tuple(r for r in readings if r.contradicts(len(readings)))
 
 
 def _restored_readings(search: Search) -> Search:

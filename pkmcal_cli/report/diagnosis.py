@@ -72,8 +72,7 @@ class DiagnosisReport(VisibilityReport):
         instrument = [f for f in self.diagnosis.findings if f.hypothesis.measurement]
         self._show_table(to, "Causes", machine)
         self._show_table(to, "Check the measurement first", instrument)
-        for reading in self.bad_readings:
-            to.say(f"bad reading: {reading.text}: not used; measure it again")
+        self.show_readings(to)
         for row in self.diagnosis.bad_rows:
             to.say(f"bad row: {self.measured.row_origin(row)}: not used; repeat this pose")
         for row, chance in self.diagnosis.suspected.items():

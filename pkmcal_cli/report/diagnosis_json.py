@@ -36,7 +36,8 @@ class DiagnosisJson(DiagnosisValues):
             "p_value": finite(diagnosis.p_global),
             "effects": [self._finding_json(f) for f in diagnosis.findings],
             "outliers": [self._row_json(row) for row in diagnosis.bad_rows],
-            "bench": [reading.json() for reading in self.bad_readings],
+            "bench": [reading.json() | {"used": False} for reading in self.bad_readings]
+            + [reading.json() | {"used": True} for reading in self.suspected_readings],
             "suspected": [
                 self._row_json(row) | {"p_value": finite(chance)} for row, chance in diagnosis.suspected.items()
             ],

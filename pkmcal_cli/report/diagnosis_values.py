@@ -6,6 +6,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from pkmcal_cli.diagnosis.bad_rows import doubtful_readings
 from pkmcal_cli.diagnosis.confirm import shown_channels
 from pkmcal_cli.diagnosis.findings import Finding
 from pkmcal_cli.diagnosis.panels import FieldMap, field_map
@@ -58,6 +59,19 @@ class DiagnosisValues:
     def bad_readings(self) -> tuple[BenchText, ...]:
         """Readings of the bench that are not used."""
         return tuple(BenchText(self.machine, self.model, r) for r in self.diagnosis.bad_readings)
+
+    @cached_property
+    def suspected_readings(self) -> tuple[BenchText, ...]:
+        """Readings of the bench that are used, but may be wrong."""
+        readings = doubtful_readings(self.diagnosis.search)
+        return tuple(BenchText(self.machine, self.model, r) for r in readings)
+
+    def show_readings(self, to: Reporter) -> None:
+        """Readings of the bench that the table contradicts."""
+        for reading in self.bad_readings:
+            to.say(f"bad reading: {reading.text}; not used: measure it again")
+        for reading in self.suspected_readings:
+            to.say(f"suspected reading: {reading.text}; still used: measure it again")
 
     def show_left_out(self, to: Reporter) -> None:
         """Values that are weighed down, and rows that nothing predicts."""

@@ -58,7 +58,7 @@ class ImprovementReport(ImprovedFiles):
                 "high": finite(gain.high / unit.scale),
                 "unit": unit.text,
             },
-            **{key: diagnosis[key] for key in ("outliers", "down_weighted")},
+            **{key: diagnosis[key] for key in ("outliers", "bench", "down_weighted")},
             **self.diagnosis.failed.json(),
             "machine": machine,
             "parameters": parameters,
@@ -97,8 +97,7 @@ class ImprovementReport(ImprovedFiles):
         to.say(self._summary())
         to.say()
         to.say(self.diagnosis.verdict_line())
-        for reading in self.diagnosis.bad_readings:
-            to.say(f"bad reading: {reading.text}: not used")
+        self.diagnosis.show_readings(to)
         for row in improvement.whole.bad_rows:
             to.say(f"bad row: {self.measured.row_origin(row)}: used neither for fitting nor for reporting")
         self.diagnosis.show_left_out(to)

@@ -198,6 +198,8 @@ def _lines(results: Results) -> list[str]:
     if report is not None and any(f.provisional for f in report.diagnosis.findings):
         names = listed([f.hypothesis.name for f in report.diagnosis.findings if f.provisional], 3)
         lines.append(f"Provisional: {names}.")
+    if report is not None:
+        lines += [f"Provisional: {reading.text}." for reading in report.suspected_readings]
     if results.improved is not None and results.improved.improvement.accepted and results.expected is None:
         lines.append("Rows used neither for fitting nor for selection do not confirm what was found.")
     if results.verified is not None and not results.verified.verification.compatible:

@@ -81,7 +81,7 @@ down_weighted[].weight number?:
 down_weighted[].leverage number?:
 down_weighted[].moves text?:
 down_weighted[].by_std number?:
-bench[].name text: a sensor whose bench reading contradicts the rows of the table; not used
+bench[].name text: a sensor whose bench reading contradicts the rows of the table
 bench[].file text: machine file in which the reading stands
 bench[].line integer?:
 bench[].reading number: in `unit`
@@ -90,6 +90,7 @@ bench[].std number: standard uncertainty of `predicted`
 bench[].off number: reading minus `predicted`
 bench[].unit text:
 bench[].deviation number: `off` in its standard uncertainty, which includes the sigma of the reading
+bench[].used flag: whether it is used all the same: a diagnosis leaves out what is beyond all doubt
 suspected[].file text: rows that may be bad (5 %), but are not off far enough to be rejected; used
 suspected[].line integer?: null for a bench measurement, which is in the machine file
 suspected[].id text?:

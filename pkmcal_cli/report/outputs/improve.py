@@ -58,6 +58,16 @@ improvement.unit text:
 outliers[].file text: rows not used at all
 outliers[].line integer?: null for a bench measurement, which is in the machine file
 outliers[].id text:
+bench[].name text: readings of the bench that the rows contradict, as in `diagnose`
+bench[].file text:
+bench[].line integer?:
+bench[].reading number:
+bench[].predicted number:
+bench[].std number:
+bench[].off number:
+bench[].unit text:
+bench[].deviation number:
+bench[].used flag:
 down_weighted[].file text: with a robust `--loss`: file of a value whose deviation exceeds 3.5 standard uncertainties;
     see `outliers` of `calibrate`
 down_weighted[].line integer?:
