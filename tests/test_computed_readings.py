@@ -36,6 +36,8 @@ def test_set_values_are_no_readings(tmp_path: Path) -> None:
     done = calibrated(tmp_path, NOMINAL, 4)
     assert done.code == 1 and done.json["status"] == "implausible"
     assert "set values instead of measurements" in done.err
+    diagnosis = clean(run("diagnose", TRIGLIDE, tmp_path / "t.csv", "--json"))
+    assert diagnosis.code == 1 and "set values instead of measurements" in diagnosis.err
 
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")

@@ -85,6 +85,16 @@ def test_a_result_that_nobody_should_believe(
     assert f"warning: {file}: the fit ended with status `implausible`: {reasons}" in again.err
 
 
+@pytest.mark.parametrize("change", [drifting_far, turned, out_of_reach])
+def test_diagnose_is_not_clean_either(change: Callable[[list[str], Rows], None], tmp_path: Path) -> None:
+    """Where it finds no cause it says why the calibration is not to be believed, as `calibrate` does."""
+    table = spoilt(tmp_path, change)
+    done = clean(run("diagnose", MACHINE, table, "--json"))
+    assert done.code == 1 and done.json["verdict"] == "implausible" and not done.json["effects"]
+    assert done.json["implausible"] == calibrated(table, "--starts", "1").json["implausible"]
+    assert all(f"because: {reason}" in done.err for reason in done.json["implausible"])
+
+
 def constant(head: list[str], rows: Rows) -> None:
     """The instrument repeats the first y."""
     k = head.index("y [mm]")

@@ -38,7 +38,7 @@ class Diagnosis(Result):
 
     @property
     def status(self) -> str:
-        """`clean`, `found`, `ambiguous`, `unknown`, `measurement_fault` or `sigma_too_small`."""
+        """`clean`, `found`, `ambiguous`, `unknown`, `measurement_fault`, `sigma_too_small` or `implausible`."""
         return self._outcome.verdict
 
     @property

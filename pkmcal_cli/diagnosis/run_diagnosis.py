@@ -47,7 +47,7 @@ from pkmcal_cli.diagnosis.unmodelled import unmodelled_alternatives
 from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes
 from pkmcal_cli.prediction import fixed_smoothing
 
-Verdict = Literal["clean", "found", "ambiguous", "unknown", "measurement_fault", "sigma_too_small"]
+Verdict = Literal["clean", "found", "ambiguous", "unknown", "measurement_fault", "sigma_too_small", "implausible"]
 _SHAPES = 2  # displacements without a name, at most
 _TOO_MUCH = 1e-3  # chance of a residual so large, of noise as it is stated, at which nothing is called clean
 
@@ -76,6 +76,7 @@ class Diagnosis:
     seed: int
     weighed: RobustFit | None = None  # by which values were weighed
     mistakes: tuple[str, ...] = ()  # of the table, which was put right before
+    implausible: tuple[str, ...] = ()  # why the calibration is not to be believed although no cause was found
 
     @cached_property
     def detectable(self) -> tuple[VisibleSizes, ...]:

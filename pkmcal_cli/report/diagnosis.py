@@ -45,6 +45,8 @@ class DiagnosisReport(VisibilityReport):
     def show(self, to: Reporter) -> None:
         """Conclusion first, then proof."""
         to.say(self.verdict_line())
+        for reason in self.diagnosis.implausible:
+            to.say(f"because: {reason}")
         self.show_causes(to)
         self.show_left_out(to)
         if untried := self.diagnosis.search.untried:
@@ -92,6 +94,7 @@ class DiagnosisReport(VisibilityReport):
             "ambiguous": "the model lacks an effect; several effects explain the residuals equally well",
             "unknown": f"unknown; depends on {depends}, and matches no effect {_of(self.only)}{self._nameless()}",
             "measurement_fault": "the measurement is at fault",
+            "implausible": "no cause was found, but the calibration is implausible: do not use its parameters",
         }
         residuals = ResidualText(diagnosis, self.sigma, self.error_unit).text
         verdict = f"{words[diagnosis.verdict]}{self._mistakes()}{tested_alone(self.only)}"

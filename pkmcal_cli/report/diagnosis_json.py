@@ -27,6 +27,7 @@ class DiagnosisJson(DiagnosisValues):
         return {
             "verdict": diagnosis.verdict,
             "mistakes": list(diagnosis.mistakes),
+            "implausible": list(diagnosis.implausible),
             "sigma": "estimated" if diagnosis.scale.variance != 1.0 else "stated",
             "sigma_factor": float(np.sqrt(diagnosis.scale.variance)),
             "noise_correlation": diagnosis.correlation,

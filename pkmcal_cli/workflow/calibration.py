@@ -205,7 +205,7 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
             held = held_out(s.problem, s.measured, fit, s.request.holdout, s.request.fit_options, observe)
         else:
             held = validated(s.loaded, s.problem, fit, s.apart)
-    doubts = noise_doubts(s.problem, robust_fit, s.measured, to)
+    doubts = noise_doubts(s.problem, fit, s.measured, to)
     odd, mistakes = replace(odd, overstated=doubts.overstated), (*hints, *doubts.commanded)
     report = CalibrationReport(s.loaded.machine, s.problem, robust_fit, held, row_origin, odd, mistakes=mistakes)
     return Calibrated(s, report)

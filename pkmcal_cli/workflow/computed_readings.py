@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.special import chdtr
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration.complete_fit import Calibration
 from pkmcal_cli.calibration.condensed import in_parts
+from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, deletion_residuals, evaluate, whitened_residual
 from pkmcal_cli.csv_files.origin import SIMULATED
@@ -31,16 +31,15 @@ class Computed:
     exact: tuple[str, ...]
 
 
-def computed_readings(problem: Problem, calibration: Calibration, measured: Measurements) -> Computed:
+def computed_readings(problem: Problem, fit: Fit, measured: Measurements) -> Computed:
     """Channels with such readings; none in tables that say that they are simulated, or of failed fits.
 
     What the nominal machine leaves nothing of are set values, or in a wrong unit: no machine is as exact
     as its drawing. What only a fit leaves nothing of may be a simulation by another program.
     """
-    fit = calibration.robust.fit
     if fit.status != "converged" or any(SIMULATED in note for note in measured.notes):
         return Computed((), ())
-    squares, freedom = _by_channel(problem, calibration)
+    squares, freedom = _by_channel(problem, fit)
     small = (freedom > 0) & (_TIMES**2 * squares < freedom) & (chdtr(freedom, _THIRD * squares) < _CHANCE)
     if not small.any():
         return Computed((), ())
@@ -74,9 +73,8 @@ def _words(
     return (f"deviations of {listed}{origin} are {size} smaller than the stated noise: {why}",)
 
 
-def _by_channel(problem: Problem, calibration: Calibration) -> tuple[Array, Array]:
+def _by_channel(problem: Problem, fit: Fit) -> tuple[Array, Array]:
     """Whitened squares and degrees of freedom (C,) of each channel: readings less what the fit takes of them."""
-    fit = calibration.robust.fit
     covariance = fit.directions.determined_covariance() / max(fit.directions.spread, 1e-300)
     squares, freedom = np.zeros((2, problem.readings.shape[1]))
 

@@ -12,7 +12,7 @@ from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.outputs import check_folder
 from pkmcal_cli.calibration.error_budget import error_budget, held_parameters
 from pkmcal_cli.calibration.identify import RowsFailed
-from pkmcal_cli.calibration.plausible import implausible_residuals, implausible_values
+from pkmcal_cli.calibration.plausible import implausible_residuals, implausible_rows, implausible_values
 from pkmcal_cli.calibration.range_check import range_check
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis, Verdict, diagnose
 from pkmcal_cli.loading.poses import origin_of
@@ -25,13 +25,13 @@ from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.workflow.alpha import check_alpha
 from pkmcal_cli.workflow.arguments import present
 from pkmcal_cli.workflow.fail_on import failing
-from pkmcal_cli.workflow.overstated_sigma import with_warnings
+from pkmcal_cli.workflow.overstated_sigma import noise_doubts
 from pkmcal_cli.workflow.plots import check_plot, write_plot
 from pkmcal_cli.workflow.run_folder import Run, check_run, keep_run
 from pkmcal_cli.workflow.search_case import Case, CaseRequest, prepare
 from pkmcal_cli.workflow.unsolved_rows import unsolved
 
-FAILING: tuple[Verdict, ...] = ("found", "ambiguous", "unknown", "measurement_fault", "sigma_too_small")
+FAILING: tuple[Verdict, ...] = ("found", "ambiguous", "unknown", "measurement_fault", "sigma_too_small", "implausible")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,8 +69,6 @@ def run_diagnosis(request: DiagnosisRequest) -> int:
     report.show(to)
     Loads.of_fit(diagnosis.search.problem, diagnosis.search.fit, partial(origin_of, case.measured)).show(to)
     _draw(request, case, diagnosis, to)
-    for reason in _implausible(diagnosis):
-        to.warn(f"warning: no cause was found, but the calibration is implausible: {reason}")
     failed = diagnosis.verdict in fails_on
     if request.quiet and failed:
         to.fail(report.verdict_line())
@@ -88,15 +86,6 @@ def run_diagnosis(request: DiagnosisRequest) -> int:
         )
         keep_run(request.run, case.inputs, kept, to)
     return int(failed)
-
-
-def _implausible(diagnosis: Diagnosis) -> tuple[str, ...]:
-    """Why a calibration of which nothing is left is not to be believed, as `calibrate` has it."""
-    problem, fit = diagnosis.search.problem, diagnosis.search.fit
-    if diagnosis.verdict != "clean" or fit.status != "converged":
-        return ()
-    budget = error_budget(problem, fit, held_parameters(problem, fit.selected, ()))
-    return (*implausible_values(problem, range_check(problem, fit, budget)), *implausible_residuals(problem, fit))
 
 
 def _draw(request: DiagnosisRequest, case: Case, diagnosis: Diagnosis, to: Reporter) -> None:
@@ -142,8 +131,21 @@ def diagnosed(case: Case, alpha: float, seed: int, to: Listener) -> Diagnosis:
             made = diagnose(candidates, problem, selected, alpha, seed, loss=case.loss, observe=observe)
     except RowsFailed as failure:
         raise unsolved(case.measured, failure.evaluation.prediction) from None
-    with_warnings(made.problem, made.cleared, case.measured, to)
+    doubts = noise_doubts(made.problem, made.cleared, case.measured, to)
+    for text in doubts.commanded:
+        to.warn(f"warning: {text}")
     if not case.mistakes:
-        return made
+        return _believed(made, (*case.hints, *doubts.commanded))
     verdict = made.verdict if made.findings or made.unknown else "measurement_fault"
     return replace(made, verdict=verdict, mistakes=tuple(h.message for h in case.mistakes if h.columns))
+
+
+def _believed(made: Diagnosis, hints: tuple[str, ...]) -> Diagnosis:
+    """The diagnosis; where no cause was found, whether the calibration is to be believed, as `calibrate` has it."""
+    problem, fit = made.search.problem, made.search.fit
+    if made.verdict not in ("clean", "sigma_too_small") or fit.status != "converged":
+        return made
+    checked = range_check(problem, fit, error_budget(problem, fit, held_parameters(problem, fit.selected, ())))
+    fits = (*implausible_values(problem, checked), *implausible_residuals(problem, fit), *implausible_rows(made.before))
+    reasons = (*hints, *fits)
+    return replace(made, verdict="implausible", implausible=reasons) if reasons else made

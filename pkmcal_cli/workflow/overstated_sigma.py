@@ -10,7 +10,6 @@ import numpy as np
 from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.plural import listed
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration.complete_fit import Calibration
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
@@ -82,19 +81,14 @@ class NoiseDoubts:
     overstated: Mapping[str, float]
 
 
-def noise_doubts(problem: Problem, calibration: Calibration, measured: Measurements, to: Listener) -> NoiseDoubts:
+def noise_doubts(problem: Problem, fit: Fit, measured: Measurements, to: Listener) -> NoiseDoubts:
     """Warn of residuals that are far too small, after a fit."""
-    computed = computed_readings(problem, calibration, measured)
+    computed = computed_readings(problem, fit, measured)
     for text in computed.exact:
         to.warn(f"warning: {text}")
     if computed.exact or computed.commanded:
         return NoiseDoubts(computed.commanded, {})
-    return NoiseDoubts((), with_warnings(problem, calibration.robust.fit, measured, to))
-
-
-def with_warnings(problem: Problem, fit: Fit, measured: Measurements, to: Listener) -> dict[str, float]:
-    """As `overstated_sigma`, with a warning for each instrument."""
     overstated = overstated_sigma(problem, fit)
     for text in overstated_texts(problem, measured, overstated):
         to.warn(f"warning: {text}")
-    return overstated
+    return NoiseDoubts((), overstated)
