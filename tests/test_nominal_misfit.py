@@ -109,3 +109,13 @@ def test_of_a_long_table_the_sample_is_told(tmp_path: Path) -> None:
     grid = ("--grid", "x=200:700:20,y=200:350:15", "--noise", "declared", "-o", path)
     assert run("simulate", MACHINES / MACHINE, *grid).code == 0
     assert "nominal parameters, 200 of 300 rows;" in run("check", MACHINES / MACHINE, path).err
+
+
+def test_readings_in_a_frame_that_is_fitted_are_compared_as_points_or_said_not_to_be(tmp_path: Path) -> None:
+    machine, table = MACHINES / "hexapod7.yaml", MACHINES / "hexapod7.csv"
+    fitted = tmp_path / "m.yaml"
+    fitted.write_text(f"extends: {machine}\nsensors: {{tracker: {{frame: fitted}}}}\n", encoding="utf-8")
+    done = run("check", fitted, table, "--json")
+    assert {c["name"] for c in done.json["measurements"]["nominal"]} == {"x", "y", "z"}
+    assert "not compared: rx, ry, rz (read in a frame" in run("check", fitted, table).err
+    assert "not compared" not in run("check", machine, table).err

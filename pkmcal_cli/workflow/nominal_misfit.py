@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from pkmcal_cli.base.plural import listed
 from pkmcal_cli.gross_errors.nominal_misfit import NominalMisfit
 from pkmcal_cli.loading.poses import RowOrigin
 from pkmcal_cli.report.console import Reporter
@@ -35,6 +36,15 @@ class NominalMisfitReport:
         title = _TITLE.format("" if part == whole else f", {part} of {whole} rows")
         if rows:
             to.table(title, ("reading", "rms", "expected", "max", "at"), rows)
+        if names := self.not_compared:
+            to.say(f"not compared: {listed(names)} (read in a frame that `calibrate` identifies)")
+
+    @property
+    def not_compared(self) -> list[str]:
+        """Channels with readings in a frame that is fitted, where no whole points show how it lies."""
+        sample = self.misfit.sample
+        unknown = [k for k in sample.of_unknown_frames if not np.isfinite(self.misfit.rms[k])]
+        return [sample.whole.model.channels[k].name for k in unknown if sample.part.measured[:, k].any()]
 
     def json(self) -> list[dict[str, Any]]:
         """By channel."""
