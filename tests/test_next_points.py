@@ -118,3 +118,20 @@ def test_from_rows_at_one_place_a_workspace_leads_on(tmp_path: Path) -> None:
         done = run("plan", machine, near, "--next", "--budget", 30, "--aim", "l1 0.1 mm")
         told = done.out + done.err
         assert done.code == code and ("`workspace:`" in told) is helped, told
+
+
+def test_it_goes_on_with_the_session_measured_last_and_says_so(tmp_path: Path) -> None:
+    """By time, however the rows are ordered: here the last row of the file is the first that was measured."""
+    readings, values, _ = campaign(CASES[0], 5)
+    head, *rows = table(readings, values).splitlines()
+    days = [f"{row},{'mon' if k < 4 else 'tue'},{60 * k}" for k, row in enumerate(rows)]
+    file, more = tmp_path / "t.csv", tmp_path / "next.csv"
+    ask = ("plan", MACHINE, file, "--next", "--budget", "150", "--aim", "l1 15 um", "-o", more, "--force")
+    for order, last, session in ((days[::-1], "time [s]", "tue"), (days[::-1], "note", "mon"), (days, "note", "tue")):
+        file.write_text("\n".join([f"{head},session,{last}", *order]) + "\n", encoding="utf-8")
+        done = clean(run(*ask))
+        assert f"they go on with session `{session}`; if they are measured in another" in done.err
+        plan = [line.split(",") for line in more.read_text(encoding="utf-8").splitlines() if line[0] != "#"]
+        assert {row[plan[0].index("session")] for row in plan[1:]} == {session}
+    file.write_text(table(readings, values), encoding="utf-8")
+    assert "they go on with session" not in run(*ask).err

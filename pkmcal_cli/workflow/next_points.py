@@ -99,6 +99,15 @@ class NextPoints:
             to.warn(f"{message}: `pkmcal diagnose` looks for a cause")
         if len(self.added.points):
             self.added.show_points(to, self.loaded.model)
+            self._show_session(to)
+
+    def _show_session(self, to: Reporter) -> None:
+        """Which session the points go on with, and what to do if they are measured in another."""
+        rows = self.rows_to_append
+        if rows.session_names:
+            name = rows.session_names[int(rows.session[0])]
+            text = f"they go on with session `{name}`; if they are measured in another, write its name in their column"
+            to.say(f"{text} `session`: what each session has for itself then needs rows of its own")
 
     @property
     def _name(self) -> str:
@@ -184,9 +193,11 @@ class _Campaign:
 
     @property
     def going_on(self) -> NDArray[np.intp]:
-        """Rows of the last session: the earlier ones are over."""
-        session = self.problem.rows.session
-        return np.nonzero(session == session[-1])[0]
+        """Rows of the session that was measured last, by time where all rows have one: the earlier ones are over."""
+        rows = self.problem.rows
+        time = rows.columns.get("time", np.full(len(rows), np.nan))
+        last = int(np.argmax(time)) if np.isfinite(time).all() else -1
+        return np.nonzero(rows.session == rows.session[last])[0]
 
 
 def _proposed(loaded: LoadedMachine, campaign: _Campaign, goal: RequestedAim, budget: int, seed: int) -> NextPoints:
