@@ -86,6 +86,19 @@ def test_the_row_that_is_furthest_off_is_told(tmp_path: Path) -> None:
     assert by_name["y"]["line"] == 9 and by_name["y"]["max"] == pytest.approx(0.5, abs=0.05)
 
 
+def test_what_explains_no_drive_has_a_remedy(tmp_path: Path) -> None:
+    """One wrong cell of a drive: its row is named; two drives that are off: what to check."""
+    path = spoilt(tmp_path, {})
+    table = pd.read_csv(path)
+    table.loc[7, "q1 [mm]"] += 60.0
+    table.to_csv(path, index=False)
+    text = run("check", MACHINES / MACHINE, path, "--json").json["measurements"]["warnings"][-1]
+    assert f"so far off as {path}:9" in text and "check every cell there" in text
+    (tmp_path / "both").mkdir()
+    both = run("check", MACHINES / MACHINE, spoilt(tmp_path / "both", {"q1": 9.0, "q3": -7.0}), "--json")
+    assert "Check signs, units and zeros" in both.json["measurements"]["warnings"][-1]
+
+
 def test_a_frame_without_drives_is_far_off_by_no_drive(tmp_path: Path) -> None:
     """Its point was measured 20 mm above where it is."""
     (tmp_path / "m.yaml").write_text(FRAME, encoding="utf-8")

@@ -45,6 +45,13 @@ class NominalMisfit:
         """Channels (C,) farther off than ranges and noise explain, however lucky."""
         return np.asarray(np.isfinite(self.rms) & (self.rms > GROSS * self.expected))
 
+    @property
+    def rows_off(self) -> list[int]:
+        """Rows of the table that are by themselves farther off than that, the worst first."""
+        each = np.nan_to_num(np.abs(self.residual) / self.expected).max(axis=1)
+        worst = np.argsort(-each, kind="stable")
+        return [int(self.sample.rows[k]) for k in worst if each[k] > GROSS]
+
 
 def nominal_misfit(sample: Sample) -> NominalMisfit:
     """Compare a sample with its predictions."""

@@ -70,6 +70,11 @@ class NominalMisfitReport:
             drive, size = model.actuators[misfit.constant[0]], misfit.constant[1]
             amount = f"{parse_unit(drive.unit).format(abs(size), 4)} too {'much' if size > 0 else 'little'}"
             text += f". Drive `{drive.name}` explains it: it reads {amount} throughout"
+        elif misfit.sample.few_rows_off:
+            rows = listed([str(self.row_origin(row)) for row in misfit.rows_off], 3)
+            text += f". No other rows are so far off as {rows}: check every cell there, also of the drives"
+        else:
+            text += ". Check signs, units and zeros of the drives and of the instrument, and the nominal values"
         return [text]
 
     def _channels(self) -> list[dict[str, Any]]:
