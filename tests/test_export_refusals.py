@@ -58,6 +58,14 @@ def test_a_format_fits_or_says_why_not(machine: str, keyword: str) -> None:
     assert not Path("out.txt").exists()
 
 
+def test_switches_are_asked_for_only_where_they_would_do() -> None:
+    """A Triglide is no delta, whatever its limits."""
+    never = run("correct", TRIGLIDE, "--grid", GRIDS[TRIGLIDE], "--as", "klipper", "-o", "out.txt")
+    assert never.code == 3 and "no linear delta" in never.err and "switch" not in never.err
+    lacking = run("correct", DELTA, "--grid", GRIDS[DELTA], "--as", "klipper", "-o", "out.txt")
+    assert lacking.code == 3 and "where the switch of `" in lacking.err and "add `limits: " in lacking.err
+
+
 @pytest.mark.parametrize(
     ("options", "code", "told"),
     [

@@ -78,13 +78,15 @@ def fitted_delta(case: ExportCase, keyword: str, tilted: bool) -> FittedDelta:
         raise case.refuse(keyword, f"this machine is no linear delta of {TOWERS} towers", hint)
     nominal = nominal_machine(case, keyword)
     signs, start = _start(nominal, tilted)
-    towers = Towers(ends=_ends(case, keyword, signs), signs=signs)
+    ends = _ends(case, signs)
+    towers = Towers(ends=np.where(np.isfinite(ends), ends, 0.0), signs=signs)
     start[7:10] += signs * towers.ends - np.sqrt(np.maximum(start[4:7] ** 2 - start[0] ** 2, 0.0))
 
     def formula(numbers: Array, positions: Array) -> Array:
         return towers.readings(DeltaConstants.of(numbers), positions)
 
     constants = recognised(case, keyword, "linear delta", formula, start, nominal)
+    _require_switches(case, keyword, ends)  # of a machine that is none, they would not help
     steps = np.array([1.0, *[np.degrees(1.0 / constants[0])] * 3, *[1.0] * 6, *[1.0] * (len(constants) - 10)])
     best, u = fitted(case, formula, constants, steps, AimedReadings(case.corrected, case.own_slopes))
     return FittedDelta(towers=towers, constants=DeltaConstants.of(best), u=DeltaConstants.of(u))
@@ -120,12 +122,15 @@ def _tower(x: Array, y: Array, z: Array, reading: Array) -> tuple[float, Array, 
     return min(candidates, key=lambda each: each[0])[1:]
 
 
-def _ends(case: ExportCase, keyword: str, signs: Array) -> Array:
-    """Readings of the drives at their switches, at the top: limits of travel."""
+def _ends(case: ExportCase, signs: Array) -> Array:
+    """Readings of the drives at their switches, at the top: limits of travel; infinite where there are none."""
     limits = [case.model.actuators[a].limits for a in case.drives]
-    ends = np.array([high if sign > 0 else low for (low, high), sign in zip(limits, signs, strict=True)])
+    return np.array([high if sign > 0 else low for (low, high), sign in zip(limits, signs, strict=True)])
+
+
+def _require_switches(case: ExportCase, keyword: str, ends: Array) -> None:
+    """Raises BadInput for a drive without one."""
     unknown = [case.name(int(a)) for a, end in zip(case.drives, ends, strict=True) if not np.isfinite(end)]
     if unknown:
         hint = "add `limits: [low, high]` to the drive; its upper end is the reading at the switch"
         raise case.refuse(keyword, f"where the switch of `{unknown[0]}` is, the machine file does not say", hint)
-    return ends
