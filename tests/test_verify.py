@@ -45,6 +45,21 @@ def test_a_changed_strut_does_not(calibration: str, tmp_path: Path) -> None:
     assert "NOT COMPATIBLE" in done.err and done.json["verification"]["p_value"] < 1e-6
 
 
+def test_the_reading_that_does_not_agree_is_named(calibration: str, tmp_path: Path) -> None:
+    """One cell 1 mm off makes the table disagree: which one, with its file, also on the sheet."""
+    after = Path(write_table(tmp_path / "after.csv", "biglide", true_values("biglide", 1), 2, 30))
+    head, *rows = after.read_text(encoding="utf-8").splitlines()
+    k = [cell.split(" ")[0] for cell in head.split(",")].index("y")
+    cells = rows[4].split(",")
+    cells[k] = repr(float(cells[k]) + 1.0)
+    after.write_text("\n".join([head, *rows[:4], ",".join(cells), *rows[5:], ""]), encoding="utf-8")
+    done = run("check", BIGLIDE, after, "-p", calibration)
+    assert done.code == 1 and f"furthest off by its uncertainty: y at {after}:6" in done.err
+    sheet = run("report", BIGLIDE, tmp_path / "before.csv", "--after", after, "-o", tmp_path / "r.html",
+                "--tolerance", "50 um")  # fmt: skip
+    assert sheet.code == 1 and "largest at after.csv:6" in sheet.err + sheet.out
+
+
 @pytest.mark.slow
 def test_chi_square_has_its_level() -> None:
     """Errors of parameters are common to all rows: without their correlation the test would alarm much too often."""

@@ -111,7 +111,22 @@ class VerificationReport:
         return self.row_origin(int(self.normalised.max(axis=1).argmax()))
 
     def _worst(self) -> list[str]:
-        """The point that is furthest off, where there is a tolerance."""
+        """What is furthest off: the reading where they do not agree, and the point where there is a tolerance."""
+        return [*self._worst_reading(), *self._worst_point()]
+
+    def _worst_reading(self) -> list[str]:
+        v = self.verification
+        if v.compatible or not v.overdetermined:
+            return []
+        row, k = (int(x) for x in np.unravel_index(np.argmax(self.normalised), self.normalised.shape))
+        channel = v.problem.model.channels[k]
+        off = readable(float(v.errors[row, k]), parse_unit(channel.unit))
+        others = int((self.normalised > 1).sum()) - 1
+        text = f"furthest off by its uncertainty: {channel.name} at {self.row_origin(row)}, by {off}"
+        beyond = f"{count(others, 'other reading')} beyond 1" if others else "all others are within 1"
+        return [f"{text}, E_n {self.normalised[row, k]:.3g}; {beyond}"]
+
+    def _worst_point(self) -> list[str]:
         j = self.judged
         if j is None or (k := j.points.worst) is None:
             return []

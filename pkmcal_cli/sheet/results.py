@@ -117,8 +117,7 @@ class Results:
     def row_origin(self, row: int) -> str:
         """A row of the table that is judged, in short."""
         if self.verified is not None:
-            there = self.verified.row_origin(row)
-            return f"line {there.line}" + (f" ({there.id})" if there.id else "")
+            return os.path.basename(str(self.verified.row_origin(row)))
         return self.row_text(row)
 
     def row_text(self, row: int) -> str:
