@@ -82,6 +82,8 @@ def left_out_readings(search: Search) -> tuple[BenchReading, ...]:
 def doubtful_readings(search: Search) -> tuple[BenchReading, ...]:
     """Readings of the bench that are used, but that the rows contradict all the same, with all that was accepted."""
     problem = search.problem
+    if not problem.once:
+        return ()
     try:
         table = recalibrated(replace(search, problem=problem.leaving_out((*problem.left_out, *problem.once))))
     except RowsFailed:
