@@ -121,7 +121,7 @@ def _identified(
     """The fit of all rows that can be predicted where it leads. Raises RowsFailed."""
     first = evaluate_condensed(problem, problem.model.nominal if start is None else start, selected, states, shift)
     scale = Scaled.of(problem, selected)
-    fixed = problem.count == 0 or not (selected or problem.drive_sigma.any())
+    fixed = problem.count == 0 or not (selected or problem.reading_sigma.any())
     lead = first if fixed or (shift is not None and first.solved) else _led(problem, scale, first, hopeless)
     failed = reasons(problem, lead)
     kept, evaluation = _kept(problem, first, lead, failed)

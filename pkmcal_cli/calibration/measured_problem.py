@@ -11,6 +11,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.copies import copies
 from pkmcal_cli.calibration.frame_start import with_frames
 from pkmcal_cli.calibration.problem import Problem, stated_sigma, usable
+from pkmcal_cli.calibration.unknown_sides import with_unknown_sides
 from pkmcal_cli.loading.covariates import with_covariates, with_directions
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows
@@ -45,7 +46,7 @@ def problem_of(model: Model, measurements: Measurements) -> Problem:
     )
     groups = tuple(copies(problem))
     known[[row for group in groups for row in group[1:]]] = False
-    return usable(replace(problem, copies=groups))
+    return usable(with_unknown_sides(replace(problem, copies=groups)))
 
 
 def _by_channel(model: Model, measurements: Measurements, table: Array) -> Array:

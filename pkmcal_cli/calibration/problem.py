@@ -28,7 +28,8 @@ class Problem:
     `measured` (N, C): cells with a number and a known sigma, the only ones that a fit uses. `prior`: what is known
     besides; `unseen`: singular value below which a direction is not seen; `weight` (N, C): of the whitened readings,
     by a robust fit, None for 1; `copies`: groups of rows that are the same to the last digit, of which the first alone
-    is measured; `left_out`: channels of what was measured once that are not used; `method` of all predictions.
+    is measured; `left_out`: channels of what was measured once that are not used; `method` of all predictions;
+    `side_sigma` (N, A): of the drives' travel where the side of approach is unknown, None for 0.
     """
 
     model: Model
@@ -43,6 +44,7 @@ class Problem:
     copies: tuple[tuple[int, ...], ...] = ()
     left_out: tuple[int, ...] = ()
     method: Method = "exact"
+    side_sigma: Array | None = None
 
     def __len__(self) -> int:
         return len(self.readings)
@@ -67,7 +69,8 @@ class Problem:
     @property
     def reading_sigma(self) -> Array:
         """Standard uncertainty of the drive readings (N, A) from that of their travel."""
-        return np.asarray(self.drive_sigma / self.model.gains)
+        both = self.drive_sigma if self.side_sigma is None else np.hypot(self.drive_sigma, self.side_sigma)
+        return np.asarray(both / self.model.gains)
 
     @property
     def once(self) -> list[int]:
@@ -132,6 +135,7 @@ class Problem:
             readings=self.readings[rows],
             sigma=some_rows(self.sigma, rows),
             drive_sigma=some_rows(self.drive_sigma, rows),
+            side_sigma=None if self.side_sigma is None else some_rows(self.side_sigma, rows),
             measured=self.measured[rows],
             weight=None if self.weight is None else self.weight[rows],
             copies=(),

@@ -115,7 +115,7 @@ def _weighed(group_of: NDArray[np.intp], residual: Array, sigma: Array, count: i
 
 def _residual(problem: Problem, fit: Fit) -> tuple[Array, Array]:
     """Measured less predicted (N, C) at the fitted values and the drives' own readings; variance by their errors."""
-    if not problem.drive_sigma.any():
+    if not problem.reading_sigma.any():
         return fit.after.residual, np.zeros(problem.readings.shape)
     evaluation = evaluate(problem, fit.values, (), fit.after.start)
     slopes = evaluation.prediction.by_drive

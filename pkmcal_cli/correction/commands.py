@@ -22,6 +22,7 @@ from pkmcal_cli.mechanism.topology import Index
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.prediction.inverse_kinematics import DrivePositions, drive_positions
+from pkmcal_cli.prediction.unknown_sides import sided_drives
 
 OUT_OF_REACH = "out of reach: no set values for this pose of the tool point"
 _ROUNDS = 4
@@ -76,12 +77,6 @@ def corrected(model: Model, values: Array, aim: Aim, choice: Choice) -> Correcti
 def depends_on_sides(model: Model) -> bool:
     """Whether the machine has an effect that depends on the side from which a drive is approached."""
     return any("direction" in e.effect.needs for e in model.effects if e.sites)
-
-
-def sided_drives(model: Model) -> tuple[int, ...]:
-    """Drives at which an effect depends on the side from which they are approached."""
-    sided = (e for e in model.effects if "direction" in e.effect.needs)
-    return tuple(sorted({s.actuator for e in sided for s in e.sites if s.actuator >= 0}))
 
 
 def _from_own_sides(

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.correction.commands import sided_drives
 from pkmcal_cli.correction.export_case import ExportCase
 from pkmcal_cli.correction.quadratic_programme import Programme, solve
 from pkmcal_cli.correction.waypoints import Stations, waypoints
@@ -22,6 +21,7 @@ from pkmcal_cli.mechanism.topology import Index
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.prediction.inverse_kinematics import DrivePositions, drive_positions
+from pkmcal_cli.prediction.unknown_sides import sided_drives
 
 _OVERRUN = 0.01  # of a drive's travel among the targets: by which it comes from its side at least
 _LEAST = 1e-3  # m or rad: the same where it hardly travels

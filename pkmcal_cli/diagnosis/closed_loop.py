@@ -25,7 +25,7 @@ from pkmcal_cli.calibration.residual import linearise
 from pkmcal_cli.calibration.robust import Loss, identify_robustly
 from pkmcal_cli.diagnosis.beyond_range import unheld
 from pkmcal_cli.diagnosis.far_causes import of_any_size
-from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates, Hypothesis
+from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates, Hypothesis, beside_unknown_sides
 from pkmcal_cli.diagnosis.outlying_rows import MOST
 from pkmcal_cli.diagnosis.report_rows import Errors, Interval, OuterFold, errors_of, gain_of, rms_gain_of
 from pkmcal_cli.diagnosis.rotations import begun_with, parts_of, rotations
@@ -240,7 +240,7 @@ def _beside(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis) 
     """The problem with the priors of displacements without a name, and effects beyond their ranges not held by them."""
     for hypothesis in (h for h in accepted if h.name in whole.search.far_off):
         problem = of_any_size(problem, hypothesis)
-    problem = unheld(problem, accepted)
+    problem = beside_unknown_sides(unheld(problem, accepted), accepted)
     for shape in (s for s in whole.search.shapes if s.hypothesis in accepted):
         problem = shape.beside(problem)
     return problem

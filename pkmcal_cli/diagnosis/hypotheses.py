@@ -9,6 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.unknown_sides import with_unknown_sides
 from pkmcal_cli.compiler.placed_effects import placed_effect, possible_effects
 from pkmcal_cli.effects import Column, Effect, catalogue
 from pkmcal_cli.effects.effect import EffectParameter
@@ -241,6 +243,11 @@ def _together(model: Model, single: Sequence[Hypothesis]) -> Iterator[Hypothesis
                     members=members,
                     parts=tuple(_up_to(members, level) for level in range(max(len(h.parts) for h in members))),
                 )
+
+
+def beside_unknown_sides(problem: Problem, accepted: Sequence[Hypothesis]) -> Problem:
+    """The problem in whose rows without a side accepted reversal errors are part of the uncertainty."""
+    return with_unknown_sides(problem, {n for h in accepted for n in h.unknown})
 
 
 def _up_to(members: Sequence[Hypothesis], level: int) -> tuple[str, ...]:

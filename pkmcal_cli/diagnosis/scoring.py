@@ -18,7 +18,7 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.best_fit import BestFit
 from pkmcal_cli.diagnosis.beyond_range import unheld
 from pkmcal_cli.diagnosis.groups import group_columns
-from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
+from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis, beside_unknown_sides
 from pkmcal_cli.diagnosis.known_results import KnownResults
 from pkmcal_cli.diagnosis.linear import Linear, linear_problem
 from pkmcal_cli.diagnosis.model_discrepancy import own_discrepancies, own_discrepancy
@@ -159,8 +159,8 @@ class Search:
 
     def accepting(self, new: Sequence[Hypothesis], removed: Sequence[Hypothesis] = ()) -> Search:
         """The search, not fitted anew, with further effects in place of some, and of parts of the new ones."""
-        rest = (h for h in self.accepted if h not in removed and not any(n.contains(h) for n in new))
-        return replace(self, accepted=(*rest, *new))
+        rest = [h for h in self.accepted if h not in removed and not any(n.contains(h) for n in new)]
+        return replace(self, accepted=(*rest, *new), problem=beside_unknown_sides(self.problem, (*rest, *new)))
 
     @property
     def near(self) -> tuple[Hypothesis, ...]:

@@ -12,6 +12,7 @@ from pkmcal_cli.base.errors import MAX_FAULTS, Fault, Location
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.unknown_sides import unsided_rows
 from pkmcal_cli.gross_errors.far_rows import far_rows
 from pkmcal_cli.gross_errors.gross_faults import gross_faults
 from pkmcal_cli.gross_errors.plausibility import Hint, find_limit_faults
@@ -131,3 +132,15 @@ def copied_rows(problem: Problem, measured: Measurements) -> tuple[str, ...]:
     finding = f"{count(extra, 'row')} {'is an exact copy' if extra == 1 else 'are exact copies'} of another"
     same = f"{'; '.join(shown)}{more}"
     return (f"{finding} ({same}): not used, as copies add no information",)
+
+
+def unsided(problem: Problem, measured: Measurements) -> tuple[str, ...]:
+    """What is to be said of rows in which the side of approach counts, and is unknown."""
+    rows, drives = unsided_rows(problem)
+    if not len(rows):
+        return ()
+    shown = ", ".join(str(origin_of(measured, int(row))) for row in rows[:_SHOWN])
+    more = f", and {len(rows) - _SHOWN} more" if len(rows) > _SHOWN else ""
+    they, columns = " and ".join(drives), ", ".join(f"`dir.{name}`" for name in drives)
+    text = f"{shown}{more}: from which side {they} came is unknown (first row of a session, or `dir` 0)"
+    return (f"{text}: there reversal is part of the uncertainty; if you know it, state {columns}: 1 upwards, else -1",)

@@ -18,6 +18,7 @@ from pkmcal_cli.calibration.identify import STEPS, RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate
+from pkmcal_cli.calibration.unknown_sides import with_unknown_sides
 from pkmcal_cli.gross_errors.hints import (
     absurd_rows,
     copied_rows,
@@ -25,6 +26,7 @@ from pkmcal_cli.gross_errors.hints import (
     nothing_measured,
     rows_far_off,
     sample_at,
+    unsided,
 )
 from pkmcal_cli.loading.ending import provenance_of_doubts
 from pkmcal_cli.loading.known_parameters import fitted_tables
@@ -161,6 +163,7 @@ def setting(request: CalibrationRequest, machine: LoadedMachine | None = None) -
     absurd = absurd_rows(problem, lambda row: origin_of(measured, row))
     if absurd:
         raise BadInput(absurd)
+    problem = with_unknown_sides(problem, selected)
     return CalibrationSetting(
         request=request,
         loaded=loaded,
@@ -213,7 +216,7 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
 
 def _say_of_files(s: CalibrationSetting, to: Listener) -> None:
     """Tell what there is to say of what was read."""
-    to.notes(s.measured.notes)
+    to.notes([*s.measured.notes, *unsided(s.problem, s.measured)])
     for finding in (*s.loaded.warnings, *s.measured.warnings):
         to.warn(finding)
     for text in s.start.warnings:

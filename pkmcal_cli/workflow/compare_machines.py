@@ -20,6 +20,7 @@ from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.paired_errors import PairedErrors, held_out_squares, paired
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate
+from pkmcal_cli.calibration.unknown_sides import with_unknown_sides
 from pkmcal_cli.gross_errors.hints import measurement_hints, nothing_measured, rows_far_off, sample_at
 from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine, load_measurements
 from pkmcal_cli.loading.poses import origin_of
@@ -78,6 +79,7 @@ def compare_machines(first: str, second: str, tables: tuple[str, ...], to: Repor
     loaded = [load_machine(m) for m in (first, second)]
     measured = [load_measurements(m, tables) for m in loaded]
     problems = [problem_of(m.model, t) for m, t in zip(loaded, measured, strict=True)]
+    problems = [with_unknown_sides(p, [x.name for x in p.model.parameters if x.identify]) for p in problems]
     for m, p in zip(loaded, problems, strict=True):
         if not p.count:
             raise BadInput([nothing_measured(m, p)])

@@ -16,6 +16,7 @@ from pkmcal_cli.calibration.holdout import HeldOut, cross_validate, enough_value
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.unknown_sides import with_unknown_sides
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.workflow.arguments import by_method
@@ -51,7 +52,7 @@ def held_out(
 
 def validated(loaded: LoadedMachine, problem: Problem, fit: Fit, other: Measurements) -> HeldOut | str:
     """Figures on the rows of another file; problem: that was fitted. Raises BadInput."""
-    apart = by_method(problem_of(loaded.model, other), problem.method)
+    apart = by_method(with_unknown_sides(problem_of(loaded.model, other), fit.selected), problem.method)
     if not apart.count:
         return f"no reading in {other.files[0]} has a sigma"
     if fit.status != "converged":

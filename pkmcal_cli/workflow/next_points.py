@@ -22,6 +22,7 @@ from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.observability_indices import observability
 from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.unknown_sides import with_unknown_sides
 from pkmcal_cli.diagnosis.experiment_design import best_points, whitened_blocks, with_rows
 from pkmcal_cli.diagnosis.hypotheses import candidates_of
 from pkmcal_cli.diagnosis.linear import linear_problem
@@ -144,6 +145,7 @@ def next_points(
     if not problem.count:
         raise BadInput([nothing_measured(loaded, problem)])
     selected = selection(problem.model, select)
+    problem = with_unknown_sides(problem, selected)
     start = load_parameters(problem.model, parameters)
     goal = requested_aim(aim, candidates_of(loaded.model, selected, problem.rows), problem.model, selected)
     if goal is None or goal.limit is None:

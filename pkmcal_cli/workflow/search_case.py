@@ -17,8 +17,9 @@ from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.robust import Loss
 from pkmcal_cli.calibration.selection import select
+from pkmcal_cli.calibration.unknown_sides import with_unknown_sides
 from pkmcal_cli.diagnosis.hypotheses import Candidates, candidates
-from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, nothing_measured, suspicions
+from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, nothing_measured, suspicions, unsided
 from pkmcal_cli.gross_errors.plausibility import Hint
 from pkmcal_cli.gross_errors.put_right import put_right
 from pkmcal_cli.loading.covariates import derived_directions
@@ -112,7 +113,8 @@ def _case(request: CaseRequest, loaded: LoadedMachine, measured: Measurements, l
     model = loaded.model.for_sessions(measured.sessions)
     selected = selection(model, request.select)
     candidates_ = candidates(model, select(model, request.select), measured)
-    problem = with_prior(problem_of(candidates_.model, measured), selected, request.prior)
+    problem = with_unknown_sides(problem_of(candidates_.model, measured), selected)
+    problem = with_prior(problem, selected, request.prior)
     start = load_parameters(model, request.parameters)
     if request.parameters is not None:
         values = np.append(start.values, candidates_.model.nominal[len(model.parameters) :])
@@ -141,7 +143,7 @@ def also_right(case: Case, measured: Measurements) -> Measurements:
 def _hints(case: Case, to: Listener) -> tuple[Hint, ...]:
     """What is to be said of the files before all else; the hints at gross mistakes among it."""
     measured, problem = case.measured, case.problem
-    to.notes(measured.notes)
+    to.notes([*measured.notes, *unsided(problem, measured)])
     for gap in _gaps(measured):
         to.warn(f"warning: {gap}")
     for finding in (*case.loaded.warnings, *measured.warnings):

@@ -9,7 +9,9 @@ from functools import partial
 from pkmcal_cli.base.errors import BadInput, Location, UsageError
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
+from pkmcal_cli.calibration.unknown_sides import with_unknown_sides
 from pkmcal_cli.calibration.verification import Known, judged, verified
+from pkmcal_cli.gross_errors.hints import unsided
 from pkmcal_cli.loading.evidence import Evidence
 from pkmcal_cli.loading.known_parameters import fitted_tables, known_parameters
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start
@@ -41,6 +43,8 @@ def verify(
     on = problem.measured.copy()
     on[:, problem.once] = False  # what was measured on the bench is no reading of this table
     problem = replace(problem, measured=on)
+    problem = with_unknown_sides(problem, values=start.values)
+    to.notes(unsided(problem, measured))
     for text in start.warnings:
         to.warn(text)
     if fitted := fitted_tables(known_parameters(parameters), measured.inputs):
