@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from pathlib import Path
 
@@ -51,6 +52,11 @@ def test_half_of_what_both_sides_differ_by(tmp_path: Path, machine: str, table: 
     assert np.abs(half) == pytest.approx(0.5 * np.abs(ahead - back), rel=0.02, abs=1e-7)
 
 
+def rows_of(table: Path) -> list[dict[str, str]]:
+    lines = table.read_text(encoding="utf-8").splitlines()
+    return list(csv.DictReader(line for line in lines if line[:1] != "#"))
+
+
 @pytest.fixture
 def sessions(tmp_path: Path) -> tuple[str, str, str]:
     """A worn Triglide and two tables of it without sides; before its first rows all drives moved upwards."""
@@ -89,6 +95,27 @@ def test_they_are_no_bad_rows_once_the_reversal_is_known(sessions: tuple[str, st
     done = run("diagnose", TRIGLIDE, sessions[1], "--json")
     assert [(e["effect"], e["at"]) for e in done.json["effects"]] == [("backlash", "q2")]
     assert not done.json["outliers"]
+
+
+def test_commands_say_what_a_row_without_a_side_may_be_off(sessions: tuple[str, str, str], tmp_path: Path) -> None:
+    """u of the first target is larger than with a stated side by half of what both sides are apart, and no other's."""
+    machine, before, _ = sessions
+    params, shown, ends = tmp_path / "p.yaml", {}, []
+    assert run("calibrate", machine, before, "-o", params, "-q", "--holdout", "none").code == 0
+    for side in ("", "1"):
+        targets, out = tmp_path / "targets.csv", tmp_path / f"commands{side}.csv"
+        targets.write_text(f"x [mm],y [mm],dir.q1,dir.q2\n0,240,1,{side}\n60,260,,\n", encoding="utf-8")
+        assert run("correct", machine, targets, "-p", params, "-o", out).code == 0
+        shown[side] = [np.array([row["u.x [um]"], row["u.y [um]"]], dtype=float) for row in rows_of(out)]
+    commands = (tmp_path / "commands1.csv").read_text(encoding="utf-8")
+    for side in ("1", "-1"):
+        from_side, out = tmp_path / "from.csv", tmp_path / "there.csv"
+        from_side.write_text(commands.replace("\n1,1,1,", f"\n1,1,{side},"), encoding="utf-8")
+        assert run("simulate", machine, from_side, "-p", params, "-o", out, "--force").code == 0
+        ends.append(np.array([rows_of(out)[0][f"{c} [mm]"] for c in "xy"], dtype=float) * 1e3)
+    apart = np.abs(ends[0] - ends[1])
+    assert apart.max() > 100 and shown[""][0] == pytest.approx(np.hypot(shown["1"][0], apart / 2), rel=0.02)
+    assert shown[""][1] == pytest.approx(shown["1"][1], rel=0.02)
 
 
 def test_machines_without_reversal_have_none() -> None:

@@ -20,12 +20,14 @@ from pkmcal_cli.correction.strained_pose import LoadedTool, StrainedPose
 from pkmcal_cli.loading.covariates import with_directions
 from pkmcal_cli.mechanism.topology import Index
 from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.prediction.inverse_kinematics import DrivePositions, drive_positions
 from pkmcal_cli.prediction.unknown_sides import sided_drives
 
 OUT_OF_REACH = "out of reach: no set values for this pose of the tool point"
 _ROUNDS = 4
+_UPWARDS = 0.1  # of the way from the next target
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,6 +79,29 @@ def corrected(model: Model, values: Array, aim: Aim, choice: Choice) -> Correcti
 def depends_on_sides(model: Model) -> bool:
     """Whether the machine has an effect that depends on the side from which a drive is approached."""
     return any("direction" in e.effect.needs for e in model.effects if e.sites)
+
+
+def with_first_sides(model: Model, values: Array, aim: Aim) -> Rows:
+    """The rows of an aim with sides for a program that itself sees to it from where its first target is approached.
+
+    As if it came from the next target, and all coordinates a little upwards: no drive stands, and one move of the tool
+    has all sides. Sides that are stated stay.
+    """
+    at = drive_positions(model, aim.poses, values, aim.held, rows=aim.rows, derivatives=True)
+    assert at.by_pose is not None
+    held = [DIRECTIONS.index(c) for c in aim.held]
+    size = np.where([c in DIRECTIONS[:3] for c in aim.held], model.length, 1.0)
+    here = aim.poses[:, held] / size
+    step = here - np.vstack([here[1:], here[-1:]])
+    length = np.sqrt((step**2).sum(axis=1, keepdims=True))
+    way = step / np.where(length > 0, length, 1.0) + _UPWARDS / (1.0 + np.arange(len(held)))
+    sides = np.sign((np.nan_to_num(at.by_pose) @ (way * size)[..., None])[..., 0])
+    derived, columns = _directed(model, replace(aim.rows, readings=at.readings)).columns, dict(aim.rows.columns)
+    for a in sided_drives(model):
+        name = f"dir.{model.actuators[a].name}"
+        stated = columns.get(name, np.full(len(aim.rows), np.nan))
+        columns[name] = np.where(np.isnan(stated) & (derived[name] == 0), sides[:, a], stated)
+    return replace(aim.rows, columns=columns)
 
 
 def _from_own_sides(

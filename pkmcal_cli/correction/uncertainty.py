@@ -10,7 +10,8 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.set_values import Aim
 from pkmcal_cli.correction.strained_pose import LoadedTool, StrainedPose
-from pkmcal_cli.prediction import Rows
+from pkmcal_cli.prediction import Rows, WarmStart
+from pkmcal_cli.prediction.unknown_sides import side_sigma
 
 _WEAK = 0.5  # of the prior's standard uncertainty: data that leave a direction no surer than so hardly determine it
 
@@ -54,10 +55,25 @@ def spread(tool: LoadedTool, values: Array, aim: Aim, there: StrainedPose, rows:
         ends = [tool.at(values, _changed(rows, name, s * std), aim.targets, "", start) for s in (1.0, -1.0)]
         variances[0] += (0.5 * (ends[0].tool - ends[1].tool)) ** 2
         variances[1] += (0.5 * (ends[0].force - ends[1].force)) ** 2
+    for k, variance in enumerate(_by_unknown_sides(tool, values, aim, rows, start)):
+        variances[k] += variance
     variances[0] = variances[0] + np.where(tool.turning, known.unexplained[1], known.unexplained[0]) ** 2
     total = whole.sum(axis=1)
     share = np.divide(weak.sum(axis=1), total, out=np.zeros(len(total)), where=total > 0)
     return Spread(tool=np.sqrt(variances[0]), force=np.sqrt(variances[1]), weak=share)
+
+
+def _by_unknown_sides(
+    tool: LoadedTool, values: Array, aim: Aim, rows: Rows, start: WarmStart
+) -> tuple[Array, Array] | tuple[()]:
+    """Variances of the tool (N, h) and of forces (N, A) in rows that come from no stated side; none without such."""
+    sizes = {name: abs(float(value)) for name, value in zip(tool.machine.names, values, strict=True)}
+    travel = side_sigma(tool.machine, rows, sizes)
+    if travel is None:
+        return ()
+    by = tool.at(values, rows, aim.targets, "readings", start)
+    variance = (travel / tool.machine.gains)[:, None] ** 2
+    return (by.by_tool**2 * variance).sum(axis=2), (by.by_force**2 * variance).sum(axis=2)
 
 
 def _carried(jacobian: Array, covariance: Array) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, get_args
@@ -13,7 +13,7 @@ from pkmcal_cli.base.errors import UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.correction.assessment import Assessment, assessed
-from pkmcal_cli.correction.commands import corrected, depends_on_sides
+from pkmcal_cli.correction.commands import corrected, depends_on_sides, with_first_sides
 from pkmcal_cli.correction.formats import format_named
 from pkmcal_cli.correction.redundancy import Choice
 from pkmcal_cli.correction.set_values import Aim
@@ -40,6 +40,7 @@ from pkmcal_cli.workflow.run_folder import Run, check_run, keep_run
 from pkmcal_cli.workflow.schedule_forms import DWELL, FEED, check_motion
 
 _COMMANDS = "commands.csv"
+_PROGRAMS = "gcode"  # how the names of formats begin that move the machine
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,6 +158,9 @@ def correction(request: CorrectionRequest, to: Listener, machine: LoadedMachine 
     for text in start.warnings:
         to.warn(text)
     to.notes(targets.notes)
+    if (request.as_format or "").startswith(_PROGRAMS) and depends_on_sides(model):
+        aim = Aim(poses=targets.poses, held=targets.held, rows=targets.rows)
+        targets = replace(targets, rows=with_first_sides(model, start.values, aim))
     with to.step("set values"):
         result = _assessed(model, start, targets, stated, choice)
     return Corrected(
@@ -214,7 +218,7 @@ def _checked(request: CorrectionRequest) -> str:
 
 def _export(request: CorrectionRequest) -> Export | None:
     """What is to be written for a control; None without `--as`. Raises UsageError."""
-    check_motion(request.dwell, request.feed, program=(request.as_format or "").startswith("gcode"))
+    check_motion(request.dwell, request.feed, program=(request.as_format or "").startswith(_PROGRAMS))
     if request.as_format is None:
         return None
     target = "-" if request.output is None else request.output
