@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.command import MACHINES, run
+from tests.command import MACHINES, SCISSORS, run
 from tests.correction_cases import csv_text, planar_leg, rms
 from tests.export_readers import added, comp_table, ssfk_table, tables_of
 
@@ -125,6 +125,34 @@ def test_backlash_has_two_columns(keyword: str) -> None:
     assert np.abs(ahead - back) == pytest.approx(np.full(len(at), 20e-6), abs=1e-6)
     assert np.abs(tables["X"][1]).max() < 1e-7
     assert left["export"]["rms"] < 3  # the side of the first target is not known
+
+
+def test_a_reversal_is_in_the_table_of_its_drive_alone() -> None:
+    """Redundant drives, and errors that no table holds: these are not spread over both directions of all drives."""
+    Path("m.yaml").write_text(f"extends: {SCISSORS}\neffects: {{backlash@q3: {{b: 30 um}}}}\n")
+    at = np.random.default_rng(1).uniform(-90, 90, (60, 2)).round(3)
+    Path("t.csv").write_text("\n".join(["x,y", *(f"{x},{y}" for x, y in at), ""]))
+    Path("p.yaml").write_text("parameters: {l3: 950.2, xa1: 519.8, ya4: 280.1, g1: 0.02}\n")
+    done = run("correct", "m.yaml", "t.csv", "-p", "p.yaml", "--as", "csv", "-o", "t.txt", "--json")
+    assert done.code == 0, done.err
+    tables = tables_of("csv", Path("t.txt"), ["q1", "q2", "q3", "q4"])
+    for name, size in (("q1", 0.0), ("q2", 0.0), ("q3", 30e-6), ("q4", 0.0)):
+        _, ahead, back = tables[name]
+        assert ahead - back == pytest.approx(np.full(len(ahead), size), abs=3e-9), name
+    left = done.json["export"]["remaining"]["position"]
+    assert left["export"]["rms"] < 0.2 * left["before"]["rms"]
+
+
+def test_reversal_that_grows_with_the_force_keeps_two_columns() -> None:
+    Path("m.yaml").write_text(f"extends: {SCISSORS}\neffects: {{windup@q3: {{w: 5 um/kN}}}}\n")
+    Path("p.yaml").write_text("parameters: {l3: 950.02}\n")
+    at = np.random.default_rng(1).uniform(-90, 90, (40, 2)).round(3)
+    Path("t.csv").write_text("\n".join(["x,y", *(f"{x},{y}" for x, y in at), ""]))
+    asked = ("--redundant", "nominal", "--as", "csv", "-o", "t.txt")
+    assert run("correct", "m.yaml", "t.csv", "-p", "p.yaml", *asked).code == 0
+    tables = tables_of("csv", Path("t.txt"), ["q1", "q2", "q3", "q4"])
+    spans = {name: np.abs(ahead - back).max() for name, (_, ahead, back) in tables.items()}
+    assert spans["q3"] > 1e-6 and max(spans[n] for n in ("q1", "q2", "q4")) == 0
 
 
 def test_one_direction_is_said_where_it_does_not_matter() -> None:

@@ -1,25 +1,27 @@
 """Tables over the travel of single drives: the best that corrections of each drive by its own set value alone can do.
 
-All tables are found together, by linear least squares of the tool point's error at the targets; knots without targets
-near them go on straight.
+Each table has what the drive's own effects do: its reversal is in no other. For the rest all tables are found together,
+by linear least squares of the tool point's error at the targets; knots without targets near them go on straight.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.correction.drive_effects import DriveEffects, sided_by_force
 from pkmcal_cli.correction.export_case import Draft, ExportCase
 
 MOST = 33  # knots of a table: more hardly bend
 _PER_KNOT = 3  # numbers that targets state for each number of the tables, so that these do not fit the targets alone
 _STIFFER = (1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e8)  # times straighter: what predicts other targets best
 _FOLDS = 5  # parts of the targets
+_FINE = 100  # points between knots at which an effect of a drive is fitted: a pitch may be short
 _STRAIGHT, _ALIKE, _SMALL = 1e-6, 1e-4, 1e-9  # of the mean weight of a knot: bending, changes of reversal, reversal
 
 
@@ -58,8 +60,8 @@ class DriveTable:
 
 def drive_tables(case: ExportCase, digits: Callable[[int], Digits]) -> list[DriveTable]:
     """A table for every drive that a control commands, in the digits of a format."""
-    sides = 2 if case.sided else 1
-    determined = case.targets.size / (_PER_KNOT * sides * len(case.drives))
+    numbers = len(case.drives) + int(np.isin(case.drives, sided_by_force(case.model)).sum())
+    determined = case.targets.size / (_PER_KNOT * numbers)
     count = int(np.clip(determined, 2, MOST))
     grids = [_grid(case.commanded[:, a], count, digits(a).position) for a in case.drives]
     tables = _fitted(case, grids)
@@ -92,11 +94,35 @@ def _grid(commanded: Array, count: int, digit: float) -> tuple[float, float, int
 
 
 def _fitted(case: ExportCase, grids: Sequence[tuple[float, float, int]]) -> list[DriveTable]:
-    sides = case.sides(case.commanded)
+    """What effects of the drives do, and the best for the rest."""
+    effects = DriveEffects(case.model, case.values, case.made.rows)
+    rest = case.corrected - case.commanded - effects.corrections(case.corrected, case.corrected_sides)
+    remainders = _of_rest(case, grids, rest[:, case.drives])
+    alone = [_of_effects(effects, int(a), grid) for a, grid in zip(case.drives, grids, strict=True)]
+    return [_joined(*both) for both in zip(alone, remainders, strict=True)]
+
+
+def _of_effects(effects: DriveEffects, drive: int, grid: tuple[float, float, int]) -> DriveTable:
+    """The table that is nearest to what effects of a drive do to it along its travel."""
+    low, step, count = grid
+    along = low + step * np.linspace(0, count - 1, _FINE * (count - 1) + 1)
+    basis = _basis(along, grid)
+    normal = (basis.T @ basis).toarray()
+    ahead, back = (np.linalg.solve(normal, basis.T @ effects.along(drive, along, side)) for side in (1, -1))
+    return DriveTable(low=low, step=step, forward=ahead, reverse=back)
+
+
+def _joined(one: DriveTable, other: DriveTable) -> DriveTable:
+    """Both corrections together, on the same knots."""
+    return replace(one, forward=one.forward + other.forward, reverse=one.reverse + other.reverse)
+
+
+def _of_rest(case: ExportCase, grids: Sequence[tuple[float, float, int]], corrections: Array) -> list[DriveTable]:
+    """Tables that are best for corrections (n, D), with two sides for drives whose reversal depends on their force."""
+    sides, sided = case.sides(case.commanded), [bool(s) for s in np.isin(case.drives, sided_by_force(case.model))]
     bases = [_basis(case.commanded[:, a], grid) for a, grid in zip(case.drives, grids, strict=True)]
-    if case.sided:
-        bases = [sparse.hstack([b, sparse.diags(sides[:, k]) @ b]).tocsr() for k, b in enumerate(bases)]
-    weights, corrections = case.weights, (case.corrected - case.commanded)[:, case.drives]
+    bases = [sparse.hstack([b, sparse.diags(sides[:, k]) @ b]).tocsr() if sided[k] else b for k, b in enumerate(bases)]
+    weights = case.weights
     design = sparse.vstack(
         [
             sparse.hstack([sparse.diags(weights[:, r, k]) @ b for k, b in enumerate(bases)])
@@ -104,9 +130,9 @@ def _fitted(case: ExportCase, grids: Sequence[tuple[float, float, int]]) -> list
         ]
     ).tocsr()
     target = np.einsum("nrd,nd->rn", weights, corrections).ravel()
-    penalties = [[_smooth(case.sided, count, by) for _, _, count in grids] for by in _STIFFER]
+    penalties = [[_smooth(s, count, by) for s, (_, _, count) in zip(sided, grids, strict=True)] for by in _STIFFER]
     solution = _best(design, target, np.arange(len(target)) % len(case.usable) % _FOLDS, penalties)
-    return _tables(solution, grids, case.sided)
+    return _tables(solution, grids, sided)
 
 
 def _best(design: sparse.csr_matrix, target: Array, fold: NDArray[np.intp], penalties: list[list[Array]]) -> Array:
@@ -158,11 +184,11 @@ def _scaled(normal: Array, blocks: Sequence[Array]) -> Array:
     return out
 
 
-def _tables(solution: Array, grids: Sequence[tuple[float, float, int]], sided: bool) -> list[DriveTable]:
+def _tables(solution: Array, grids: Sequence[tuple[float, float, int]], sided: Sequence[bool]) -> list[DriveTable]:
     out, at = [], 0
-    for low, step, count in grids:
+    for (low, step, count), two in zip(grids, sided, strict=True):
         mean = solution[at : at + count]
-        half = solution[at + count : at + 2 * count] if sided else np.zeros(count)
+        half = solution[at + count : at + 2 * count] if two else np.zeros(count)
         out.append(DriveTable(low=low, step=step, forward=mean + half, reverse=mean - half))
-        at += count * (2 if sided else 1)
+        at += count * (2 if two else 1)
     return out
