@@ -114,10 +114,13 @@ def test_squareness_stays() -> None:
     assert left["before"]["rms"] == pytest.approx(size * np.sqrt((y**2).mean()), rel=1e-3)
 
 
+@pytest.mark.parametrize("scale", [1, -1])
 @pytest.mark.parametrize("keyword", TABLES)
-def test_backlash_has_two_columns(keyword: str) -> None:
-    """A drive that arrives b/2 short from either side: forward and reverse differ by b, and nothing remains."""
-    Path("m.yaml").write_text(STACKED + "effects: {backlash@Y: {b: 20 um}}\n")
+def test_backlash_has_two_columns(keyword: str, scale: int) -> None:
+    """A drive that arrives b/2 short from either side, also one whose readings count against its travel: forward and
+    reverse differ by b, and nothing remains."""
+    machine = STACKED.replace("sy: {nominal: 1}", f"sy: {{nominal: {scale}}}")
+    Path("m.yaml").write_text(machine + "effects: {backlash@Y: {b: 20 um}}\n")
     left = export(keyword, "{sx: 1.0}")
     assert left["before"]["max"] == pytest.approx(10, abs=0.1)
     tables = tables_of(keyword, Path("t.txt"), ["X", "Y"])

@@ -39,6 +39,12 @@ class DriveEffects:
         steady = (e for e in self.model.effects if not e.effect.reactive and not e.acts_in)
         return tuple(e for e in steady if e.effect.enters == "command" and {*e.effect.needs} <= {"direction"})
 
+    @cached_property
+    def _gains(self) -> Array:
+        """Travel per reading of each drive (A,), with its sign."""
+        coefficients = self.model.topology.coefficients.values(self.model.by_name(self.values))
+        return np.asarray(coefficients[[a.gain_coefficient for a in self.model.actuators]])
+
     def corrections(self, set_values: Array, sides: Array) -> Array:
         """What these effects make of corrected set values (n, A) that come from some sides (n, A), SI of readings."""
         columns = {f"dir.{a.name}": sides[:, k] for k, a in enumerate(self.model.actuators)}
@@ -48,7 +54,7 @@ class DriveEffects:
             sizes = {n: numbers[p] for n, p in zip(e.numbers, e.parameters, strict=True)}
             for site in e.sites if any(sizes.values()) else ():
                 out[:, site.actuator] -= e.effect.displacement(SiteInputs(site, self.model, rows, e, None), sizes)[:, 0]
-        return out / self.model.gains
+        return out / self._gains
 
     def along(self, drive: int, commanded: Array, side: int) -> Array:
         """Corrections (n,) of one drive at commanded set values (n,)."""
