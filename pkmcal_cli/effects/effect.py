@@ -207,6 +207,7 @@ class Effect:
     measurement: bool = False  # a fault of the measurement, not of the machine
     reactive: bool = False  # needs the forces of an earlier pass
     weighty: bool = False  # acts by gravity: nothing without it
+    negative: str = ""  # what a size below 0 is, where that is not what the title says
     nowhere: str = ""  # why it acts at none of its places, where that may be
     proportional: bool = False  # to the travel: what bends it more than a little has another name
 

@@ -40,6 +40,8 @@ BACKLASH = Effect(
     ),
     formula=lambda at, b: -0.5 * b * at.direction,
     needs=("direction",),
+    negative="{at} comes to rest ahead in its direction of motion, where play leaves a drive behind. The control "
+    "compensates for more play than there is, or the directions of approach are stated the other way round.",
     cause="The nut, end bearing, belt or gear of {at} has play.",
     result="Positions of {at} approached from opposite sides differ by {size}.",
     action="Check nut, end bearing, belt or gear of {at}; until then compensate for {size} of reversal.",

@@ -23,6 +23,7 @@ from pkmcal_cli.loading.parameter_text import ParameterEntry, dump_parameters
 from pkmcal_cli.loading.poses import RowOrigin
 from pkmcal_cli.report.audit import Audit
 from pkmcal_cli.report.console import Reporter
+from pkmcal_cli.report.effect_signs import sign_text
 from pkmcal_cli.report.evidence import evidence_of
 from pkmcal_cli.report.failed_rows import FailedRows
 from pkmcal_cli.report.figures import criterion_text, figure_unit, figures_json, kind_label
@@ -142,6 +143,10 @@ class CalibrationReport:
         to.say()
         selected = [r for r in self.rows if r.name in self.fit.selected]
         self._show_parameters(to, selected)
+        std = dict(zip(self.fit.selected, self.budget.std.tolist(), strict=True))
+        for name, value in zip(self.model.names, self.fit.values, strict=True):
+            if text := sign_text(self.model, name, float(value), std.get(name)):
+                to.notes([text])
         listed = combinations(self.fit.directions)
         for c in listed:
             if c.kind == "null":

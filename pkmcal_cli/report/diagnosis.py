@@ -18,6 +18,7 @@ from pkmcal_cli.diagnosis.warming import TOGETHER, of_warming, warming
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.diagnosis_json import DiagnosisJson
+from pkmcal_cli.report.effect_signs import sign_text
 from pkmcal_cli.report.noise_text import growth_text
 from pkmcal_cli.report.number_format import handy
 from pkmcal_cli.report.residual_text import ResidualText
@@ -170,6 +171,8 @@ class DiagnosisReport(VisibilityReport):
             text += f" Action: Identify it, `--select auto,{h.at}`."
         else:
             cause, result, action = cause_effect_action(catalogue()[h.effect], h.at, size)
+            signs = (sign_text(self.model, *x) for x in zip(h.parameters, finding.estimate, finding.std, strict=True))
+            cause = " ".join(filter(None, signs)) or cause
             text = f"{h.name}: Cause: {cause} Effect: {result} {gain} Action: {action}"
         if finding.ambiguous:
             text = f"{self._alternatives(finding)} {text}"
