@@ -24,6 +24,23 @@ GRIDS = {
 }
 
 
+CRANKS = """
+units: {length: mm, angle: deg}
+space: planar
+ground: {O1: [0, 0], O2: [300, 0], O3: [150, 620]}
+nodes: {tip: [150, 320]}
+bodies:
+  arm1: {at: [0, 0], turn: 111.4, points: {E1: [200, 0]}}
+  arm2: {at: [300, 0], turn: 68.6, points: {E2: [200, 0]}}
+  arm3: {at: [150, 620], turn: -148.7, points: {E3: [200, 0]}}
+joints: {"hub{i}": {each: {i: [1, 2, 3]}, between: ["O{i}", "arm{i}"], type: revolute}}
+bars: {"rod{i}": {each: {i: [1, 2, 3]}, between: ["E{i}", tip], length: 260, k: 4 N/um}}
+actuators: {"q{i}": {each: {i: [1, 2]}, turns: "arm{i}"}, q3: {turns: arm3, redundant: true}}
+sensors: {camera: {at: tip, reads: [x, y], sigma: 3 um, frame: machine}}
+tool_point: tip
+"""
+
+
 @pytest.fixture(autouse=True)
 def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
@@ -64,6 +81,16 @@ def test_switches_are_asked_for_only_where_they_would_do() -> None:
     assert never.code == 3 and "no linear delta" in never.err and "switch" not in never.err
     lacking = run("correct", DELTA, "--grid", GRIDS[DELTA], "--as", "klipper", "-o", "out.txt")
     assert lacking.code == 3 and "where the switch of `" in lacking.err and "add `limits: " in lacking.err
+
+
+def test_a_machine_that_is_none_of_the_firmware_is_told_which_are() -> None:
+    """Whatever else its file lacks for one that is, such as switches."""
+    for machine in (TRIGLIDE, SCISSORS):
+        done = run("correct", machine, "--grid", GRIDS[machine], "--as", "klipper", "-o", "out.txt")
+        assert "`kinematics: delta`" in done.err and "`winch`" in done.err and "--as gcode-drives" in done.err
+    Path("cranks.yaml").write_text(CRANKS)
+    done = run("correct", "cranks.yaml", "--grid", "x=120:180:3,y=290:350:3", "--as", "klipper", "-o", "out.txt")
+    assert "this machine is no linear delta" in done.err and "switch" not in done.err
 
 
 @pytest.mark.parametrize(

@@ -28,6 +28,18 @@ _OTHER = 1e-3  # of the machine's size: a formula that misses more is that of an
 _PRIOR = 1e-4  # what a constant that is off by its step costs, in errors of one target, m per m
 
 
+_FITTING = {
+    "klipper": "Klipper has constants of linear deltas (`kinematics: delta`) and of tools on 3 to 26 lines (`winch`)",
+    "reprapfirmware": "RepRapFirmware has constants of linear deltas and of Hangprinters",
+}
+
+
+def other_machines(keyword: str) -> str:
+    """Which machines a firmware has constants of, and what others use."""
+    others = "for other machines use `--as gcode-drives`, or tables of single drives (`linuxcnc`, `beckhoff`, `csv`)"
+    return f"{_FITTING[keyword]}; {others}"
+
+
 @dataclass(frozen=True, kw_only=True)
 class Nominal:
     """The nominal machine: positions (n, 3) of its tool and set values (n, A) there, strain-free."""
@@ -40,8 +52,8 @@ def nominal_machine(case: ExportCase, keyword: str) -> Nominal:
     """Positions around the targets. Raises BadInput where the tool point does not move by x, y, z alone."""
     held = case.made.aim.held
     if case.turned:
-        hint = "the firmware has no orientations; use `--as gcode-drives`, or tables of single drives"
-        raise case.refuse(keyword, f"the tool point turns ({', '.join(case.turned)})", hint)
+        message = f"the tool point turns ({', '.join(case.turned)}), and the firmware has no orientations"
+        raise case.refuse(keyword, message, other_machines(keyword))
     columns = [DIRECTIONS.index(c) for c in held]
     low, high = case.poses[:, columns].min(axis=0), case.poses[:, columns].max(axis=0)
     wide = np.maximum(0.5 * (high - low), _WIDE * case.model.length)
@@ -62,7 +74,7 @@ def recognised(case: ExportCase, keyword: str, kind: str, formula: Formula, star
     def missed(constants: Array) -> Array:
         return np.asarray(((formula(constants, nominal.positions) - nominal.readings) * gains).ravel())
 
-    hint = "use `--as gcode-drives`, or tables of single drives (`linuxcnc`, `beckhoff`, `csv`)"
+    hint = other_machines(keyword)
     if not np.isfinite(start).all() or not np.isfinite(missed(start)).all():
         raise case.refuse(keyword, f"this machine is no {kind}", hint)
     optimum = least_squares(missed, start, x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15)

@@ -16,7 +16,7 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.export_case import ExportCase
-from pkmcal_cli.correction.firmware import AimedReadings, Nominal, fitted, nominal_machine, recognised
+from pkmcal_cli.correction.firmware import AimedReadings, Nominal, fitted, nominal_machine, other_machines, recognised
 
 TOWERS = 3
 
@@ -74,8 +74,7 @@ class FittedDelta:
 def fitted_delta(case: ExportCase, keyword: str, tilted: bool) -> FittedDelta:
     """A delta for a firmware. Raises BadInput where the machine is no linear delta, or its switches are unknown."""
     if len(case.model.actuators) != TOWERS or len(case.drives) != TOWERS:
-        hint = "use `--as gcode-drives`, or tables of single drives"
-        raise case.refuse(keyword, f"this machine is no linear delta of {TOWERS} towers", hint)
+        raise case.refuse(keyword, f"this machine is no linear delta of {TOWERS} towers", other_machines(keyword))
     nominal = nominal_machine(case, keyword)
     signs, start = _start(nominal, tilted)
     ends = _ends(case, signs)
@@ -86,7 +85,7 @@ def fitted_delta(case: ExportCase, keyword: str, tilted: bool) -> FittedDelta:
         return towers.readings(DeltaConstants.of(numbers), positions)
 
     constants = recognised(case, keyword, "linear delta", formula, start, nominal)
-    _require_switches(case, keyword, ends)  # of a machine that is none, they would not help
+    _check_switches(case, keyword, ends)  # of a machine that is none, they would not help
     steps = np.array([1.0, *[np.degrees(1.0 / constants[0])] * 3, *[1.0] * 6, *[1.0] * (len(constants) - 10)])
     best, u = fitted(case, formula, constants, steps, AimedReadings(case.corrected, case.own_slopes))
     return FittedDelta(towers=towers, constants=DeltaConstants.of(best), u=DeltaConstants.of(u))
@@ -123,13 +122,12 @@ def _tower(x: Array, y: Array, z: Array, reading: Array) -> tuple[float, Array, 
 
 
 def _ends(case: ExportCase, signs: Array) -> Array:
-    """Readings of the drives at their switches, at the top: limits of travel; infinite where there are none."""
+    """Readings of the drives at their switches, at the top: limits of travel; infinite where none is stated."""
     limits = [case.model.actuators[a].limits for a in case.drives]
     return np.array([high if sign > 0 else low for (low, high), sign in zip(limits, signs, strict=True)])
 
 
-def _require_switches(case: ExportCase, keyword: str, ends: Array) -> None:
-    """Raises BadInput for a drive without one."""
+def _check_switches(case: ExportCase, keyword: str, ends: Array) -> None:
     unknown = [case.name(int(a)) for a, end in zip(case.drives, ends, strict=True) if not np.isfinite(end)]
     if unknown:
         hint = "add `limits: [low, high]` to the drive; its upper end is the reading at the switch"

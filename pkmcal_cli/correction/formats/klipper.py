@@ -9,6 +9,7 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.export_case import Draft, ExportCase, Format
+from pkmcal_cli.correction.firmware import other_machines
 from pkmcal_cli.correction.line_drives import HOMED, LineMotors, line_constants, line_gains
 from pkmcal_cli.correction.linear_delta import TOWERS, DeltaConstants, fitted_delta
 
@@ -74,7 +75,7 @@ def _winch(case: ExportCase) -> Draft:
     count = len(case.model.actuators)
     if not _LEAST_STEPPERS <= count <= _MOST_STEPPERS:
         message = f"Klipper's winch has {_LEAST_STEPPERS} to {_MOST_STEPPERS} steppers, this machine {count} drives"
-        raise case.refuse(_KEYWORD, message, "use tables of single drives")
+        raise case.refuse(_KEYWORD, message, other_machines(_KEYWORD))
     motors = _motors(case)
     constants = line_constants(case, _KEYWORD, motors)
     full_turn = 2.0 * np.pi
