@@ -200,3 +200,17 @@ def test_sizes_are_exact() -> None:
     assert parse_unit("count=1/4096 rev").factor == Fraction(2, 4096)
     assert parse_unit("step=1.25 um").factor == Fraction(125, 10**8)
     assert re.fullmatch("step=1.25 um", parse_unit("step=1.25 um").definition)
+
+
+def test_set_values_in_steps_are_whole_and_their_error_is_stated(tmp_path: Path) -> None:
+    """A step of 20 um: the drive with a unit of its own takes no part of it, the other any length."""
+    machine, _ = written(tmp_path, "m", ("q1: {", "q1: {unit: {step: 20 um}, "))
+    out, back = tmp_path / "c.csv", tmp_path / "s.csv"
+    assert run("correct", machine, "--grid", "x=250:450:5,y=220:320:5", "-o", out).code == 0
+    q1, q2 = column(out, "q1"), column(out, "q2")
+    assert (q1 == np.round(q1)).all() and np.abs(q2 / 0.02 - np.round(q2 / 0.02)).max() > 0.3
+    assert run("simulate", machine, out, "-o", back).code == 0
+    for name in "xy":
+        off = 1e3 * (column(back, f"{name}") - column(out, f"target.{name}"))
+        assert column(out, f"after.{name}") == pytest.approx(off, abs=1e-6)
+    assert 3 < np.abs(column(out, "after.x")).max() < 20

@@ -23,6 +23,7 @@ Values = NDArray[Any] | Sequence[str]
 """A column (N,): numbers in SI, or texts."""
 
 _ROWS = 1 << 14
+_ROUNDED = 4  # last digits
 _NO_TABLES = (".xlsx", ".xls", ".ods", ".pdf", ".html", ".docx")  # what a table would be taken for by its name
 
 
@@ -66,9 +67,13 @@ class TableWriter:
 
 
 def _in_unit(unit: Unit, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """SI values in the unit, by the same operations as `Unit.from_si`."""
+    """SI values in the unit, by the same operations as `Unit.from_si`; steps that are whole but for rounding are so."""
     convert: Any = unit.from_si
-    return np.asarray(convert(values))
+    out = np.asarray(convert(values))
+    if "=" not in unit.definition:
+        return out
+    whole = np.round(out)
+    return np.where(np.abs(out - whole) <= _ROUNDED * np.spacing(np.abs(whole)), whole, out)
 
 
 @contextmanager

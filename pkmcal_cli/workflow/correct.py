@@ -19,6 +19,7 @@ from pkmcal_cli.correction.redundancy import Choice
 from pkmcal_cli.correction.set_values import Aim
 from pkmcal_cli.correction.strained_pose import held_drives
 from pkmcal_cli.correction.uncertainty import KnownTo
+from pkmcal_cli.correction.whole_steps import in_whole_steps
 from pkmcal_cli.csv_files.origin import Origin, beside
 from pkmcal_cli.csv_files.writer import Values, check_table, open_writer
 from pkmcal_cli.loading.evidence import Evidence
@@ -162,18 +163,23 @@ def correction(request: CorrectionRequest, to: Listener, machine: LoadedMachine 
         aim = Aim(poses=targets.poses, held=targets.held, rows=targets.rows)
         targets = replace(targets, rows=with_first_sides(model, start.values, aim))
     with to.step("set values"):
-        result = _assessed(model, start, targets, stated, choice)
+        result = _assessed(model, start, targets, stated, request)
     return Corrected(
         loaded, CorrectionReport(model=model, start=start, targets=targets, result=result, choice=choice)
     )
 
 
-def _assessed(model: Model, start: Start, targets: Targets, stated: Conditions, choice: Choice) -> Assessment | None:
+def _assessed(
+    model: Model, start: Start, targets: Targets, stated: Conditions, request: CorrectionRequest
+) -> Assessment | None:
     """Corrected set values and how sure they are; None where no target is within reach."""
-    made = corrected(model, start.values, Aim(poses=targets.poses, held=targets.held, rows=targets.rows), choice)
+    aim = Aim(poses=targets.poses, held=targets.held, rows=targets.rows)
+    made = corrected(model, start.values, aim, request.choice)
     evidence = start.evidence or Evidence({})
     if made is None:
         return None
+    if request.as_format is None:  # forms of controls have units of their own
+        made = in_whole_steps(model, start.values, made)
     return assessed(model, start.values, made, _known(model, start, stated, evidence), evidence.measured)
 
 

@@ -1,0 +1,28 @@
+"""Set values of drives that count steps: whole ones, and the error that this leaves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.correction.commands import Correction
+from pkmcal_cli.correction.strained_pose import LoadedTool
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.units.unit_text import parse_unit
+
+
+def in_whole_steps(model: Model, values: Array, made: Correction) -> Correction:
+    """The correction as a control sends it that knows whole steps; itself where no drive has a unit of its own."""
+    units = [parse_unit(a.unit) for a in model.actuators]
+    stepped = [a for a, unit in enumerate(units) if "=" in unit.definition]
+    if not stepped:
+        return made
+    readings = made.rows.readings.copy()
+    for a in stepped:
+        readings[:, a] = np.round(readings[:, a] / units[a].scale) * units[a].scale
+    rows, tool = replace(made.rows, readings=readings), LoadedTool(model, made.aim.held)
+    after = tool.at(values, rows, made.aim.targets, start=made.after.prediction.start)
+    lost = np.nonzero(np.isnan(made.after.tool).any(axis=1))[0]
+    return replace(made, rows=rows, after=after.without(lost))
