@@ -37,8 +37,9 @@ _WORDS: dict[Column, str] = {
 class Hypothesis:
     """One candidate: `KEYWORD@PLACE`, or `release NAME` of a parameter that is held at its start.
 
-    `KEYWORD@each` and `KEYWORD@each:GROUP`: at several places, with values of its own at each; `members`: what it
-    consists of. `parts`: its parameters up to each order but the highest, of which the best stands for it.
+    `KEYWORD@each`, `KEYWORD@each:GROUP`: at several places, with values of its own at each; in a session,
+    `KEYWORD@each[SESSION]`, or in all of them, `KEYWORD@PLACE[each]`; `members`: what it consists of. `parts`: its
+    parameters up to each order but the highest, of which the best stands for it.
     """
 
     effect: str
@@ -90,8 +91,9 @@ class Hypothesis:
     @property
     def preference(self) -> float:
         """Log evidence by which it goes before others: a declared parameter, before effects that imitate it. A group
-        comes after them: several places at once are less likely than one."""
-        return _DECLARED if self.effect == RELEASE else -float(np.log(max(len(self.members), 1)))
+        comes after them: several places at once are less likely than one. What changes between sessions does in all."""
+        places = {place_and_session(m.at)[0] for m in self.placed}
+        return _DECLARED if self.effect == RELEASE else -float(np.log(len(places)))
 
     @property
     def placed(self) -> tuple[Hypothesis, ...]:
@@ -200,7 +202,7 @@ def candidates_of(model: Model, selected: tuple[str, ...], rows: Rows) -> Candid
     if not sessions:
         of_sessions = [e.keyword for e in catalogue().values() if e.places == "session" and model.sites.get(e.enters)]
         lacking += [(keyword, "", _WORDS["session"]) for keyword in of_sessions]
-    hypotheses += _together(model, hypotheses)
+    hypotheses += _together(model, hypotheses, sessions)
     held = [p.name for p in model.parameters if p.name not in selected and not p.fixed]
     hypotheses += [Hypothesis(effect=RELEASE, at=name, parameters=(name,)) for name in held]
     tested = {h.effect for h in hypotheses}
@@ -226,11 +228,11 @@ def _hypothesis(placed: PlacedEffect, specs: Sequence[EffectParameter]) -> Hypot
     )
 
 
-def _together(model: Model, single: Sequence[Hypothesis]) -> Iterator[Hypothesis]:
+def _together(model: Model, single: Sequence[Hypothesis], sessions: tuple[str, ...]) -> Iterator[Hypothesis]:
     """The same effects at several places with values of their own, where they can be at all of these."""
     by_name = {h.name: h for h in single}
     for effect in catalogue().values():
-        for at, inside in together(model.sites, effect, model.effect_groups).items():
+        for at, inside in together(model.sites, effect, model.effect_groups, sessions).items():
             members = tuple(by_name[n] for p in inside if (n := f"{effect.keyword}@{p}") in by_name)
             if len(members) == len(inside):
                 yield Hypothesis(

@@ -212,14 +212,29 @@ def places(
     return named | of_sessions
 
 
-def together(sites: EffectSites, effect: Effect, groups: EffectGroups) -> dict[str, tuple[str, ...]]:
-    """Places at which an effect may have values of its own together, by name: of groups, and all of them."""
+def together(
+    sites: EffectSites, effect: Effect, groups: EffectGroups, sessions: tuple[str, ...] = ()
+) -> dict[str, tuple[str, ...]]:
+    """Places at which an effect may have values of its own together, by name: of groups, all of them, of sessions."""
     if effect.places in ("session", "all"):
         return {}
     named = fitting(sites, effect, lambda site: _acts(effect, site))
     by_group = {f"{EACH}:{g}": members for g, members in _some(named, groups).items()}
     alike = any({n.partition(".")[0] for n in named} <= set(members) for members in groups.values())
-    return ({EACH: tuple(named)} if len(named) > 1 and alike else {}) | by_group
+    of_sessions = _anew(tuple(named), sessions) if effect.by_session and EACH not in sessions else {}
+    return ({EACH: tuple(named)} if len(named) > 1 and alike else {}) | by_group | of_sessions
+
+
+def _anew(named: tuple[str, ...], sessions: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
+    """Places, alike or not, that are set anew together in one session; one of them, or all, in every later session.
+
+    A machine that was switched off is homed as a whole.
+    """
+    later = sessions[1:]  # the first is the datum
+    every = {in_session(EACH, s): tuple(in_session(n, s) for n in named) for s in sessions}
+    each = {in_session(n, EACH): tuple(in_session(n, s) for s in later) for n in named}
+    both = {in_session(EACH, EACH): tuple(in_session(n, s) for n in named for s in later)}
+    return (every if len(named) > 1 else {}) | (each if later else {}) | (both if later and len(named) > 1 else {})
 
 
 def _some(named: Mapping[str, object], groups: EffectGroups) -> dict[str, tuple[str, ...]]:

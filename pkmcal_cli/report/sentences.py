@@ -29,24 +29,23 @@ _NOUNS: dict[Entry, str] = {
 
 def cause_effect_action(effect: Effect, at: str, size: str) -> tuple[str, str, str]:
     """The effect's three sentences; at `all` places, or `each`, they speak of every drive, member, guide ..."""
-    at = ALL if at == EACH else at.removeprefix(f"{EACH}:")
     place, session = place_and_session(at) if effect.by_session else (at, "")
-    named = f"{place} in session {session}" if session else place
-    cause, result, action = (_placed(text, effect.enters, at).format(at=named, size=size) for text in _texts(effect))
+    place = ALL if place == EACH else place.removeprefix(f"{EACH}:")
+    within = " in every session" if session == EACH else f" in session {session}" if session else ""
+    cause, result, action = (
+        _placed(text, effect.enters, place, within).format(at=place + within, size=size)
+        for text in (effect.cause, effect.result, effect.action)
+    )
     return cause, result, action
 
 
-def _texts(effect: Effect) -> tuple[str, str, str]:
-    return effect.cause, effect.result, effect.action
-
-
-def _placed(text: str, enters: Entry, at: str) -> str:
-    """A template for this place: "The guide {at} is" becomes "Every guide is" at all places."""
-    if at != ALL:
+def _placed(text: str, enters: Entry, place: str, within: str) -> str:
+    """A template for this place: "The guide {at} is" becomes "Every guide is" at all places; within: of a session."""
+    if place != ALL:
         return text
     noun = _NOUNS.get(enters, "instrument")
-    text = re.sub(rf"\b(the )?{noun} {{at}}", f"every {noun}", text, flags=re.IGNORECASE)
-    text = text.replace("{at}", f"every {noun}")
+    text = re.sub(rf"\b(the )?{noun} {{at}}", f"every {noun}{within}", text, flags=re.IGNORECASE)
+    text = text.replace("{at}", f"every {noun}{within}")
     return text[0].upper() + text[1:]
 
 
