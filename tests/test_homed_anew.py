@@ -77,3 +77,14 @@ def test_drives_of_a_session_are_told_in_a_sentence() -> None:
         assert result.startswith(f"Every position of every drive {where} is")
         assert f"every drive {where}" in action
     assert "of q1 in every session is" in cause_effect_action(catalogue()["zero"], "q1[each]", "it")[0]
+
+
+def test_the_datum_of_two_sessions_is_that_of_the_earlier_clock(tmp_path: Path) -> None:
+    """Rows of a table may be shuffled; without a clock it is the session that comes first."""
+    rows = [("tue", "90000,21", "350,650,980,450,200"), ("mon", "10,20", "360,660,990,455,205")]
+    for clock, name in (("time [s],T [degC],", "zero@q1[tue]"), ("", "zero@q1[mon]")):
+        lines = [",".join([s, *([at] if clock else []), values]) for s, at, values in rows]
+        (tmp_path / "t.csv").write_text(f"session,{clock}q1,q2,q3,x,y\n" + "\n".join(lines) + "\n")
+        done = run("effects", MACHINES / "triglide.yaml", tmp_path / "t.csv", "--simulate", "--json")
+        names = [f"{e['effect']}@{e['at']}" for e in done.json["simulated"]]
+        assert [n for n in names if n.startswith("zero@q1[")] == [name]

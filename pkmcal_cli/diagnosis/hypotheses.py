@@ -181,8 +181,8 @@ def candidates(model: Model, selected: tuple[str, ...], measurements: Measuremen
 def candidates_of(model: Model, selected: tuple[str, ...], rows: Rows) -> Candidates:
     """Hypotheses for a model that takes effects, of which `selected` parameters are identified anyway."""
     planar = model.topology.planar
-    names = [name.removeprefix("session.") for name in rows.columns if name.startswith("session.")]
-    sessions = tuple(names) if len(names) > 2 else tuple(names[1:])  # of two, the first is the datum
+    sessions = _in_order(rows)
+    sessions = sessions if len(sessions) > 2 else sessions[1:]  # of two, the first is the datum
     declared = {(e.effect.keyword, e.at) for e in model.effects}
     effects: list[PlacedEffect] = []
     parameters: list[ModelParameter] = []
@@ -210,6 +210,15 @@ def candidates_of(model: Model, selected: tuple[str, ...], rows: Rows) -> Candid
     not_testable = tuple((k, why) for k, why in sorted(first.items()) if k not in tested)
     full = model.with_effects(tuple(effects), tuple(parameters))
     return Candidates(full, tuple(hypotheses), not_testable, tuple(lacking))
+
+
+def _in_order(rows: Rows) -> tuple[str, ...]:
+    """Sessions by the clock, where there is one, else as they come in the table, which may be shuffled."""
+    time = rows.columns.get("time")
+    if time is None or not np.isfinite(time).all():
+        return rows.session_names
+    begun = {s: time.min(where=rows.columns[f"session.{s}"] > 0, initial=np.inf) for s in rows.session_names}
+    return tuple(sorted(begun, key=lambda s: float(begun[s])))
 
 
 def _hypothesis(placed: PlacedEffect, specs: Sequence[EffectParameter]) -> Hypothesis:
