@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.diagnosis import exchanges
 from pkmcal_cli.diagnosis import search as searching
 from pkmcal_cli.diagnosis.confirm import blocks
 from pkmcal_cli.diagnosis.exchanges import swapped
@@ -81,6 +82,14 @@ def test_a_group_whose_members_are_all_needed_stays() -> None:
     effects = [unit("triglide-nonredundant", "backlash", q, SEED).scaled(f) for q, f in (("q1", 1.0), ("q2", 0.4))]
     case = ready(campaign("triglide-nonredundant", effects, SEED))
     assert names(swapped(at(case, "backlash@each")).accepted) == {"backlash@each"}
+
+
+def test_exchanges_that_lead_too_far_keep_what_was_better_on_the_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a strong effect the noise seems so large that fewer numbers seem to do: that step alone is taken back."""
+    case = planted(("backlash", "q3", 1.0))
+    way = [at(case, "backlash@q3"), at(case, "pitch_curve@q2")]
+    monkeypatch.setattr(exchanges, "_walk", lambda search: iter(way))
+    assert names(swapped(at(case, "backlash@q3", "pitch_curve@q2")).accepted) == {"backlash@q3"}
 
 
 @pytest.mark.parametrize("one", ["drift@grid", "resetup@s2"])

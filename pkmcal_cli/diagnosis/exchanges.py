@@ -47,16 +47,16 @@ class _Tried:
 def swapped(search: Search) -> Search:
     """The search with effects exchanged for others, one or two at a time, while that raises the evidence of all.
 
-    Each exchange is judged by the scale of the noise without what it removes, the end by that with all that was there:
-    small steps by the former must not add up to less.
+    Each exchange is judged by the scale of the noise without what it removes, which a strong effect makes large; where
+    it led to, by that with all that was there. The furthest of these places counts that has no less evidence.
     """
     variance = score_all(search, ()).scale.variance
-    end = _walked(search)
-    return end if set_evidence(end, variance) > set_evidence(search, variance) - BETTER else search
+    least = set_evidence(search, variance) - BETTER
+    return next((s for s in reversed([*_walk(search)]) if set_evidence(s, variance) > least), search)
 
 
-def _walked(search: Search) -> Search:
-    """Where single exchanges end."""
+def _walk(search: Search) -> Iterator[Search]:
+    """Where single exchanges lead to, one after the other."""
     tried = _Tried()
     for _ in range(2 * len(search.near)):
         single = sorted(((h,) for h in search.near), key=_doubt)
@@ -64,9 +64,9 @@ def _walked(search: Search) -> Search:
         better = next((s for some in removed if (s := _exchanged(search, some, tried))), None)
         better = better or next((s for h in search.near if (s := _improved(search, h)) is not None), None)
         if better is None:
-            return search
+            return
         search = needed_only(better)
-    return search
+        yield search
 
 
 def _doubt(some: tuple[Hypothesis]) -> tuple[bool, bool]:
