@@ -18,6 +18,7 @@ from pkmcal_cli.model.freedoms import LEAST_MISFIT, NO_MISFIT, REGULAR, is_sole
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction.rigid_pose import largest_strain
 
+_OVER = 0.5 * np.pi  # rad: a quarter turn
 _NEAR = REGULAR / 10  # a pose that moved less, in sizes or rad, is as far from singular ones as it was
 
 
@@ -40,6 +41,20 @@ def still_compared(model: Model, misfit: Array, before: State, after: State) -> 
     far = np.abs(after.translation - before.translation).max(axis=1, initial=0.0) > _NEAR * model.length
     far |= np.abs(after.rotation - before.rotation).max(axis=(1, 2, 3), initial=0.0) > _NEAR
     return np.where(far & (misfit <= LEAST_MISFIT), 0.0, misfit)
+
+
+def turned_over(model: Model, state: State, other: State) -> NDArray[np.bool_]:
+    """Tell in which rows (N,) a part is turned from the reference by a quarter turn more than in another state.
+
+    Tensions keep the ropes of a pretensioned platform from their lengths, so one that is turned over, with ropes slack
+    and crossed, may have less energy; but no platform goes there: its legs or ropes would pass through it.
+    """
+    reference = model.topology.rotations.reference
+    angles = [
+        np.arccos(np.clip(0.5 * (np.einsum("nrij,rij->nr", s.rotation, reference) - 1.0), -1.0, 1.0))
+        for s in (state, other)
+    ]
+    return np.asarray((angles[0] - angles[1] > _OVER).any(axis=1))
 
 
 def no_other_near(model: Model, numbers: SystemNumbers, state: State, apart: Array) -> NDArray[np.bool_]:

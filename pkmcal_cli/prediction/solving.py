@@ -29,7 +29,7 @@ from pkmcal_cli.model.freedoms import LEAST_MISFIT, NO_MISFIT
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.singular_drives import substructure_holds
 from pkmcal_cli.prediction.common_pose import common_pose
-from pkmcal_cli.prediction.other_assemblies import largest_gap, no_other_near, still_compared
+from pkmcal_cli.prediction.other_assemblies import largest_gap, no_other_near, still_compared, turned_over
 from pkmcal_cli.prediction.rigid_pose import relaxed_coefficients, rigid_pose, substructure_pose
 from pkmcal_cli.prediction.rows import Method, WarmStart
 
@@ -136,7 +136,8 @@ def _compared(model: Model, coefficients: Array, rows: WarmStart, effort: Effort
     state, status = _relaxed_equilibrium(model, coefficients, numbers, pose.state, model.held_drives, effort)
     before = np.where(rows.status == RowStatus.SOLVED, _energy(model, numbers, rows.state), np.inf)
     after = np.where(status == RowStatus.SOLVED, _energy(model, numbers, state), np.inf)
-    won = np.nonzero(after < before)[0]
+    stays = (rows.status == RowStatus.SOLVED) & turned_over(model, state, rows.state)
+    won = np.nonzero((after < before) & ~stays)[0]
     rows = rows.put(won, WarmStart(state, status, rows.misfit).take(won))
     status, apart = rows.status.copy(), largest_gap(model, numbers, rows.state)
     status[(status != RowStatus.SOLVED) & pose.singular] = RowStatus.SINGULAR
