@@ -83,3 +83,41 @@ def test_rows_of_one_drive_that_is_only_read_are_shifted(tmp_path: Path) -> None
     table.write_text("\n".join(",".join(row) for row in [rows[0], *moved]), encoding="utf-8")
     done = run("check", MACHINES / "belt-router.yaml", table)
     assert done.code == 1 and "the readings of `BR` look shifted by one row" in done.err
+
+
+FOUR_LEGS = """
+units: {length: mm, angle: deg, force: N}
+space: planar
+ranges: {length: 0.5 mm}
+parameters:
+  a2x: 1200
+  a3x: 1150
+  "o{i}": {each: {i: [1, 2, 3, 4]}, nominal: 400, range: 0.3}
+ground: {A1: [0, 0], A2: [a2x, 0], A3: [a3x, 900], A4: [50, 950]}
+bodies: {plate: {at: [600, 450], points: {P1: [-120, -80], P2: [120, -80], P3: [120, 80], P4: [-120, 80]}}}
+bars: {"leg{i}": {each: {i: [1, 2, 3, 4]}, between: ["A{i}", "P{i}"], k: 8 N/um}}
+actuators:
+  "q{i}": {each: {i: [1, 2, 3]}, drives: "leg{i}", offset: "o{i}"}
+  q4: {drives: leg4, offset: o4, redundant: true}
+sensors: {tracker: {at: plate, reads: [x, y, rz], sigma: {position: 6 um, orientation: 25 urad}, frame: fitted}}
+tool_point: plate
+"""
+
+
+def test_inches_of_a_leg_are_named_where_most_rows_are_out_of_reach(tmp_path: Path) -> None:
+    """A tracker that stands anywhere has nothing to say of it: that is no explanation."""
+    machine, poses, table = (tmp_path / n for n in ("m.yaml", "p.csv", "t.csv"))
+    machine.write_text(FOUR_LEGS, encoding="utf-8")
+    grid = [f"{x},{y},{rz}" for x in (460, 600, 740) for y in (340, 450, 560) for rz in (-8, 7)]
+    poses.write_text("\n".join(["x [mm],y [mm],rz [deg]", *grid]), encoding="utf-8")
+    assert run("simulate", machine, poses, "--noise", "declared", "-o", table, "-q").code == 0
+    lines = [line for line in table.read_text(encoding="utf-8").splitlines() if line[:1] != "#"]
+    header, *rows = csv.reader(lines)
+    changed = {"q2 [mm]": (1 / 25.4, 0.0), "x [mm]": (1.0, 212.3), "y [mm]": (1.0, -87.1)}
+    for name, (factor, shift) in changed.items():
+        place = header.index(name)
+        for row in rows:
+            row[place] = repr(factor * float(row[place]) + shift)
+    table.write_text("\n".join(",".join(r) for r in [header, *rows]), encoding="utf-8")
+    done = run("check", machine, table)
+    assert done.code == 1 and "`q2` looks 25.4 times too small (is it in `in`, not `mm`?)" in done.err

@@ -48,8 +48,8 @@ class _Reason:
 
     @property
     def complete(self) -> bool:
-        """Whether it explains all there is to explain."""
-        return np.isfinite(self.after) and self.after <= BETTER * self.before
+        """Whether it has something to say, and that explains all there is to explain."""
+        return bool(self.hints) and bool(np.isfinite(self.after)) and self.after <= BETTER * self.before
 
 
 def gross_faults(
