@@ -16,6 +16,7 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis import first_fit
 from pkmcal_cli.diagnosis.run_diagnosis import diagnose
 from pkmcal_cli.diagnosis.score import p_of_part
+from pkmcal_cli.diagnosis.search_options import SearchOptions
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.workflow.search_case import CaseRequest, prepare
 from tests.benchmark.setting import ready
@@ -69,3 +70,20 @@ def test_rows_that_spoil_the_fit_are_left_out_of_it(monkeypatch: pytest.MonkeyPa
     assert found.bad_rows == (7,) and found.verdict == "measurement_fault"
     good = identify(there.problem.without((7,)), there.selected)
     assert found.before.values == pytest.approx(good.values, rel=1e-6, abs=1e-9)
+
+
+def test_later_fits_begin_where_further_starts_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From where the first fit failed they would fail too, or end in another minimum than the calibration."""
+    there = ready(campaign("triglide-nonredundant", [], 5, 40))
+    good = identify(there.problem, there.selected)
+
+    def diverged(problem: Problem, *_: object, **__: object) -> Fit:
+        return replace(good, status="not_converged")
+
+    monkeypatch.setattr(first_fit, "identify", diverged)
+    monkeypatch.setattr(first_fit, "gross_rows", lambda *_, **__: ((), None))
+    monkeypatch.setattr(first_fit, "best_of_starts", lambda *_, **__: (good, None))
+    options = SearchOptions(alpha=0.005, seed=0)
+    candidates, fit = first_fit.calibrated(there.candidates, there.problem, there.selected, options)
+    assert candidates.begin() == pytest.approx(good.values) and fit.chi2 == good.chi2
+    assert fit.before.values == pytest.approx(good.values), "folds begin there too"

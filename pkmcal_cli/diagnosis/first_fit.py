@@ -31,7 +31,7 @@ def calibrated(
 
     That is as given, but at nominal values in directions that the data hardly see: the ranges hold them there. Where
     the fit does not soon converge, it is that of the other rows, if some are gross where it begins; where it does not
-    at all, that from further starts.
+    at all, that from further starts, and all fits begin where it ended.
     """
     start = replace(candidates, model=problem.model).begin()
     fit = identify(problem, selected, start, iterations=_SOON)
@@ -42,9 +42,11 @@ def calibrated(
             return candidates, others
         fit = identify(problem, selected, start, states=states)
     if fit.status == "not_converged":
-        best, _ = best_of_starts(problem, selected, start, fit, 0, options.seed)
-        return candidates, fit if best is None else best
-    if candidates.start is not None and fit.directions.weak.any():
+        best, _ = best_of_starts(problem, selected, start, fit, 0, options.seed, options.observe)
+        if best is None or best.status != "converged":
+            return candidates, fit if best is None else best
+        candidates, fit = replace(candidates, start=best.values), replace(best, before=best.after)
+    elif candidates.start is not None and fit.directions.weak.any():
         start = centred(problem, start, start, fit.directions)
         candidates, fit = replace(candidates, start=start), identify(problem, selected, start, states=fit.before.start)
     return _by_wider_ranges(candidates, problem, fit, options)
