@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pkmcal_cli.base.budget import HELP, Budget
 from pkmcal_cli.calibration import starts
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
@@ -122,6 +123,26 @@ def test_a_fit_that_leaves_rows_out_and_not_all_explained_is_helped(
     assert bool(told) == (agreement is not None) == further
     ends = [replace(fit, failed={3: "out of reach"})]
     assert identify_from(problem, selected, problem.model.nominal, 0, 0)[1] is None
+
+
+def test_help_that_nobody_asked_for_ends_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each step of a start takes two seconds here; what was not tried is told, and tried where it is asked for."""
+    problem, selected, fit = campaign()
+    poor, seconds = replace(fit, chi2=1e9 * fit.chi2, status="not_converged"), [0.0]
+
+    def slow(*_: object, progress: starts.Progress = None, **__: object) -> Fit:
+        for step in range(3):
+            seconds[0] += 2.0
+            if progress is not None:
+                progress(step, poor.chi2)
+        return poor
+
+    monkeypatch.setattr(starts, "Budget", lambda: Budget(clock=lambda: seconds[0]))
+    monkeypatch.setattr(starts, "identify", slow)
+    _, agreement = best_of_starts(problem, selected, problem.model.nominal, poor, 0, 0)
+    assert seconds[0] <= HELP + 2.0 and agreement.starts + agreement.untried == starts.ON_FAILURE
+    assert agreement.untried and f"{agreement.untried} not tried after 20 s" in agreement.text
+    assert not best_of_starts(problem, selected, problem.model.nominal, poor, 8, 0)[1].untried
 
 
 def test_starts_agree_and_are_counted() -> None:

@@ -12,6 +12,7 @@ from functools import partial
 
 import numpy as np
 
+from pkmcal_cli.base.budget import HELP, Budget, OutOfTime
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.stages import Observer, Stage, unobserved
 from pkmcal_cli.base.workers import ALONE, Workers
@@ -31,11 +32,15 @@ _HOPELESS = 1e6  # chi-square per degree of freedom: a thousand times noise, whe
 _DOUBTFUL = 100.0  # per degree of freedom: ten times noise is a missing effect, or the wrong one of several minima
 
 
-@dataclass(frozen=True)
+Progress = Callable[[int, float], None] | None
+"""Told the number of each step, and chi-square."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Agreement:
     """How many starts there were; how many ended in the best fit, in others as good, in worse ones, in none.
 
-    spread: of those that agree, in standard uncertainties.
+    spread: of those that agree, in standard uncertainties; untried: starts for which there was no time.
     """
 
     starts: int
@@ -44,10 +49,15 @@ class Agreement:
     worse: int
     failed: int
     spread: float
+    untried: int = 0
 
     @property
     def text(self) -> str:
         """In words."""
+        return self._ends + (f"; {self.untried} not tried after {HELP:g} s (`--starts N` does)" if self.untried else "")
+
+    @property
+    def _ends(self) -> str:
         if not self.agree:
             return f"starts: none of {self.starts} converges"
         parts = [f"starts: {self.agree} of {self.starts} reach the best fit (within {self.spread:.2g} std)"]
@@ -116,14 +126,16 @@ def best_of_starts(
     """The best fit of `count` starts (0: until one explains the data), the first of which ended in `first`."""
     ends = _further(problem, selected, start, [first], count, seed=seed, observe=observe, workers=workers)
     good = [e for e in ends if e is not None and e.status == "converged"]
+    untried = 0 if count or _helped(ends) else ON_FAILURE - len(ends)
     if not good:
-        return first, Agreement(len(ends), 0, 0, 0, len(ends), 0.0)
+        none = Agreement(starts=len(ends), agree=0, rivals=0, worse=0, failed=len(ends), spread=0.0, untried=untried)
+        return first, none
     best = min(good, key=lambda e: (len(e.failed), e.chi2))
     whole = first is not None and first.failed.keys() == best.failed.keys()
     if first is not None and whole and first.status == "converged" and _apart(problem, first, best) <= _SAME:
         best = first  # the same, with what is not seen as it was given
     before = first.before if first is not None else best.before
-    return replace(best, before=before), _agreement(problem, ends, good, best)
+    return replace(best, before=before), replace(_agreement(problem, ends, good, best), untried=untried)
 
 
 def _with_ropes(problem: Problem, selected: tuple[str, ...], start: Array, first: Fit) -> Fit:
@@ -145,7 +157,7 @@ def _by_taut_ropes(problem: Problem, selected: tuple[str, ...], start: Array, fi
         values = identify(taut, selected, start, iterations=_STEPS).values
     except RowsFailed:
         return first
-    other = _tried(problem, selected, start, values)
+    other = _tried(problem, selected, start, values, None)
     ends = [e for e in (first, other) if e is not None]
     best = min(ends, key=lambda e: (e.status != "converged", len(e.failed), e.chi2))
     return replace(best, before=first.before)
@@ -167,37 +179,49 @@ def _further(
     observe: Observer,
     workers: Workers,
 ) -> list[Fit | None]:
-    """Ends of `count` starts; with 0, until one explains the data, so one after the other."""
-    total = count or ON_FAILURE
+    """Ends of `count` starts; with 0, until one explains the data or the time is over, so one after the other."""
+    total, budget = count or ON_FAILURE, Budget()
     scattered = _scattered(problem, selected, start, total - len(ends) - 1, seed)
-    further = _Starts(problem, selected, start, tuple(ends), tuple(scattered))
+    further = _Starts(problem, selected, start, tuple(ends), tuple(scattered), None if count else budget.check)
     if count:
         return workers.results(further, total, "start", observe)
     for number in range(len(further.known), total):
-        helped = any(e is not None and e.status == "converged" and e.excess == 1.0 for e in ends)
-        if helped and number > len(further.known):
+        if _helped(ends) and number > len(further.known):
             break
         observe(Stage("start", number, total))
-        ends = [*ends, further(number)]
+        try:
+            ends = [*ends, further(number)]
+        except OutOfTime:
+            break
     return ends
+
+
+def _helped(ends: list[Fit | None]) -> bool:
+    """Whether one explains the data."""
+    return any(e is not None and e.status == "converged" and e.excess == 1.0 for e in ends)
 
 
 @dataclass(frozen=True)
 class _Starts:
-    """Ends of starts by number: after the known ones the first is led nearer, the others begin at values (P,)."""
+    """Ends of starts by number: after the known ones the first is led nearer, the others begin at values (P,).
+
+    progress: told of each step; what it raises ends all.
+    """
 
     problem: Problem
     selected: tuple[str, ...]
     start: Array
     known: tuple[Fit | None, ...]
     scattered: tuple[Array, ...]
+    progress: Progress = None
 
     def __call__(self, number: int, observe: Observer = unobserved) -> Fit | None:
         if number < len(self.known):
             return self.known[number]
         if number == len(self.known):
-            return _led(self.problem, self.selected, self.start)
-        return _tried(self.problem, self.selected, self.start, self.scattered[number - len(self.known) - 1])
+            return _led(self.problem, self.selected, self.start, self.progress)
+        values = self.scattered[number - len(self.known) - 1]
+        return _tried(self.problem, self.selected, self.start, values, self.progress)
 
 
 def _apart(problem: Problem, one: Fit, best: Fit) -> float:
@@ -213,20 +237,21 @@ def _agreement(problem: Problem, ends: list[Fit | None], good: list[Fit], best: 
     whole = np.array([e.failed.keys() == best.failed.keys() for e in good])
     as_good = whole & np.array([e.chi2 - best.chi2 <= _SAME**2 * best.excess for e in good])
     agree, rivals = int(same.sum()), int((~same & as_good).sum())
-    failed = len(ends) - len(good)
-    return Agreement(len(ends), agree, rivals, len(good) - agree - rivals, failed, float(apart[same].max(initial=0.0)))
+    failed, spread = len(ends) - len(good), float(apart[same].max(initial=0.0))
+    worse = len(good) - agree - rivals
+    return Agreement(starts=len(ends), agree=agree, rivals=rivals, worse=worse, failed=failed, spread=spread)
 
 
-def _led(problem: Problem, selected: tuple[str, ...], start: Array) -> Fit | None:
+def _led(problem: Problem, selected: tuple[str, ...], start: Array, progress: Progress) -> Fit | None:
     """A fit from where a fit ends that knows the parameters to their ranges about the start."""
     model = problem.model
     index = [model.names.index(n) for n in selected]
     known = Prior(selected, np.diag(2.0 / model.ranges[index]), start[index])
     try:
-        near = _short_fit(replace(problem, prior=known), selected, start)
+        near = _short_fit(replace(problem, prior=known), selected, start, progress)
     except RowsFailed:
         return None
-    return _tried(problem, selected, start, near.values)
+    return _tried(problem, selected, start, near.values, progress)
 
 
 def _scattered(problem: Problem, selected: tuple[str, ...], start: Array, count: int, seed: int) -> list[Array]:
@@ -244,17 +269,18 @@ def _scattered(problem: Problem, selected: tuple[str, ...], start: Array, count:
     return out
 
 
-def _tried(problem: Problem, selected: tuple[str, ...], start: Array, values: Array) -> Fit | None:
+def _tried(problem: Problem, selected: tuple[str, ...], start: Array, values: Array, progress: Progress) -> Fit | None:
     """A fit from values (P,), if it ends soon; what data do not see is as at the start."""
     try:
-        return _centred(problem, selected, start, _short_fit(problem, selected, values))
+        return _centred(problem, selected, start, _short_fit(problem, selected, values, progress))
     except RowsFailed:
         return None
 
 
-def _short_fit(problem: Problem, selected: tuple[str, ...], values: Array) -> Fit:
+def _short_fit(problem: Problem, selected: tuple[str, ...], values: Array, progress: Progress) -> Fit:
     """A fit from values (P,), given up early where it is far off. Raises RowsFailed."""
-    return identify(problem, selected, values, iterations=_STEPS, hopeless=_HOPELESS * problem.count)
+    hopeless = _HOPELESS * problem.count
+    return identify(problem, selected, values, iterations=_STEPS, progress=progress, hopeless=hopeless)
 
 
 def _centred(problem: Problem, selected: tuple[str, ...], start: Array, fit: Fit) -> Fit:

@@ -42,7 +42,7 @@ def calibrated(
             return candidates, others
         fit = identify(problem, selected, start, states=states)
     if fit.status == "not_converged":
-        best, _ = best_of_starts(problem, selected, start, fit, 0, options.seed, options.observe)
+        best, _ = best_of_starts(problem, selected, start, fit, 0, seed=options.seed, observe=options.observe)
         if best is None or best.status != "converged":
             return candidates, fit if best is None else best
         candidates, fit = replace(candidates, start=best.values), replace(best, before=best.after)

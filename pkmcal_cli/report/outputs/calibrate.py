@@ -124,6 +124,7 @@ starts.rivals integer: number that end elsewhere with an equally good chi-square
 starts.worse integer: number that end elsewhere with a higher chi-square
 starts.failed integer: number that end without a fit
 starts.spread number: largest parameter difference among those that agree, in standard uncertainties
+starts.untried integer: number for which there was no time; 0 where `--starts` asks for a number
 heldout.rms_before number?: error of `kind` on held-out rows; if there is none, all of `heldout` except `reason` is
     null
 heldout.rms_after number?:
