@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pkmcal_cli.base.budget import Budget
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.diagnosis import far_causes
-from pkmcal_cli.diagnosis.far_causes import with_far_causes
+from pkmcal_cli.diagnosis.far_causes import run_off, with_far_causes
 from pkmcal_cli.diagnosis.scoring import Search
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.workflow.search_case import CaseRequest, prepare
@@ -72,6 +73,23 @@ def test_a_far_cause_is_free_in_size_and_later_fits_begin_with_it(search: Search
     assert free[k] == search.problem.model.length > 100 * usual[k]
     assert np.array_equal(np.delete(free, k), np.delete(usual, k))
     assert with_far_causes(found) is found, "nothing else is far off"
+
+
+def test_what_there_was_no_time_for_is_told(search: Search, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(far_causes, "Budget", lambda: Budget(0.0))
+    hurried = with_far_causes(search)
+    assert not hurried.accepted and set(hurried.untried) == {h.name for h in search.open if h.effect == "zero"}
+
+
+def test_a_parameter_that_runs_off_is_named(search: Search) -> None:
+    """How many ranges the anchors are off, the furthest first; not those that came out near nominal."""
+    model, (one, *_, other) = search.problem.model, search.declared
+    values = model.nominal
+    for name, times in ((one, 12.0), (other, -30.0)):
+        k = model.names.index(name)
+        values[k] += times * model.ranges[k]
+    off = run_off(replace(search, fit=replace(search.fit, values=values)))
+    assert list(off) == [other, one] and off == pytest.approx({other: 30.0, one: 12.0})
 
 
 @pytest.mark.slow

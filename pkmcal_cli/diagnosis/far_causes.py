@@ -15,6 +15,7 @@ from functools import partial
 
 import numpy as np
 
+from pkmcal_cli.base.budget import Budget, OutOfTime
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.stages import Observer, Stage, unobserved
 from pkmcal_cli.calibration.fit import Fit
@@ -44,13 +45,14 @@ _REVERSED = -2.0  # scale of a drive whose sign is wrong
 
 def with_far_causes(search: Search, observe: Observer = unobserved) -> Search:
     """The search with far-off causes accepted, one after the other, where the calibration has run away."""
+    budget = Budget()
     while len(search.far_off) < _MOST and (_absorbed(search) or (_run_away(search) and not _held_explain(search))):
         candidates = [h for h in search.open if h.effect in _KINDS and not h.session]
         try:
-            better = _best(_from_nominal(search), candidates[:_CANDIDATES], observe)
+            better, untried = _best(_from_nominal(search), candidates[:_CANDIDATES], observe, budget)
         except RowsFailed:  # the nominal machine predicts too little to begin with
             break
-        search = replace(better or search, untried=tuple(h.name for h in candidates[_CANDIDATES:]))
+        search = replace(better or search, untried=(*untried, *(h.name for h in candidates[_CANDIDATES:])))
         if better is None:
             break
     return search
@@ -105,6 +107,13 @@ def _offsets(search: Search, fit: Fit) -> dict[str, float]:
     return {names[k]: float(off[k]) for k in order}
 
 
+def run_off(search: Search) -> dict[str, float]:
+    """Declared parameters that a calibration puts where no machine has them, the furthest first: in their ranges."""
+    names, _, share = _off_nominal(search, search.fit)
+    order = [int(k) for k in np.argsort(-share, kind="stable") if share[k] > _NOWHERE]
+    return {names[k]: float(share[k]) for k in order}
+
+
 def _furthest(search: Search, fit: Fit) -> float:
     """Largest offset of a declared parameter, in its range."""
     return float(_off_nominal(search, fit)[2].max(initial=0.0))
@@ -119,9 +128,11 @@ def _off_nominal(search: Search, fit: Fit) -> tuple[tuple[str, ...], Array, Arra
     return names, off, np.abs(off) / model.ranges[index]
 
 
-def _best(search: Search, candidates: Sequence[Hypothesis], observe: Observer) -> Search | None:
-    """The search with the far-off cause that has most evidence; None where none is one."""
-    screened = _screened(search, candidates, observe)
+def _best(
+    search: Search, candidates: Sequence[Hypothesis], observe: Observer, budget: Budget
+) -> tuple[Search | None, tuple[str, ...]]:
+    """The search with the far-off cause that has most evidence; None where none is one. Names for which no time was."""
+    screened, untried = _screened(search, candidates, observe, budget)
     variance = max(min((f.chi2_per_dof for f in screened.values()), default=1.0), 1.0)
     order = sorted(screened, key=lambda h: _cost(search, screened[h], h, variance))[:_BEST]
     ends = {h: fit for h in order if (fit := _fitted(search, h, screened[h])) is not None}
@@ -139,8 +150,8 @@ def _best(search: Search, candidates: Sequence[Hypothesis], observe: Observer) -
         extended = _with(search, hypothesis, ends[hypothesis], far_off)
         gain = held_out_gain(extended, extended.accepted[-1])
         if not (gain.contradicts if far_off.absorbed is None else gain.harms):
-            return extended
-    return None
+            return extended, untried
+    return None, untried
 
 
 def _cost(search: Search, fit: Fit, hypothesis: Hypothesis, variance: float) -> float:
@@ -148,21 +159,29 @@ def _cost(search: Search, fit: Fit, hypothesis: Hypothesis, variance: float) -> 
     return 0.5 * (_misfit(search, fit) / variance + len(hypothesis.unknown) * float(np.log(max(fit.dof, 2))))
 
 
-def _screened(search: Search, candidates: Sequence[Hypothesis], observe: Observer) -> dict[Hypothesis, Fit]:
-    """One fit of some rows with each candidate, where it explains about as much as a far-off cause does."""
+def _screened(
+    search: Search, candidates: Sequence[Hypothesis], observe: Observer, budget: Budget
+) -> tuple[dict[Hypothesis, Fit], tuple[str, ...]]:
+    """One fit of some rows with each candidate, where it explains about as much as a far-off cause does.
+
+    And the names of those for which there was no time.
+    """
     rows = np.unique(np.linspace(0, len(search.problem) - 1, min(_ROWS, len(search.problem))).astype(np.intp))
     some = replace(search, problem=search.problem.take(rows))
     gross = bool(implausible_residuals(search.problem, search.fit))
     most = _WORTH * _misfit(search, search.fit, some.problem.count / search.problem.count)
-    out = {}
+    out: dict[Hypothesis, Fit] = {}
     every = _starts(some, candidates, gross)
     for k, (hypothesis, starts) in enumerate(every.items()):
         observe(Stage("far-off causes", k, len(every)))
-        fits = [_fit(some, hypothesis, start, _STEPS) for start in starts]
+        try:
+            fits = [_fit(some, hypothesis, start, _STEPS, budget) for start in starts]
+        except OutOfTime:
+            return out, tuple(h.name for h in list(every)[k:])
         best = min((f for f in fits if f is not None), key=partial(_misfit, search), default=None)
         if best is not None and _misfit(search, best) < most:
             out[hypothesis] = best
-    return out
+    return out, ()
 
 
 def _starts(search: Search, candidates: Sequence[Hypothesis], gross: bool) -> dict[Hypothesis, list[Array]]:
@@ -202,11 +221,14 @@ def _predicts(search: Search, values: Array) -> bool:
     return 2 * len(lost_rows(few, evaluate(few, values, None))) < len(few)
 
 
-def _fit(search: Search, hypothesis: Hypothesis, start: Array, steps: int) -> Fit | None:
-    """A fit with a hypothesis of any size from values (P,), SI; None where it fails."""
+def _fit(
+    search: Search, hypothesis: Hypothesis, start: Array, steps: int, budget: Budget | None = None
+) -> Fit | None:
+    """A fit with a hypothesis of any size from values (P,), SI; None where it fails. Raises OutOfTime."""
+    check = None if budget is None else budget.check
     problem, chosen = of_any_size(search.problem, hypothesis), {*search.selected, *hypothesis.unknown}
     try:
-        return identify(problem, tuple(n for n in problem.model.names if n in chosen), start, steps)
+        return identify(problem, tuple(n for n in problem.model.names if n in chosen), start, steps, check)
     except (RowsFailed, np.linalg.LinAlgError):
         return None
 

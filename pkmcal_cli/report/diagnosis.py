@@ -9,6 +9,7 @@ import numpy as np
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.diagnosis.experiment_design import ALIKE
+from pkmcal_cli.diagnosis.far_causes import run_off
 from pkmcal_cli.diagnosis.findings import Finding
 from pkmcal_cli.diagnosis.groups import POSE
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
@@ -51,7 +52,7 @@ class DiagnosisReport(VisibilityReport):
         self.show_causes(to)
         self.show_left_out(to)
         if untried := self.diagnosis.search.untried:
-            to.say(f"not tried as far off (too many): {listed(list(untried), 6)}")
+            to.say(f"not tried as far off (too many, or no time): {listed(list(untried), 6)}")
         for noise in self.diagnosis.noise:
             to.say(growth_text(noise))
         if self.diagnosis.correlation:
@@ -98,7 +99,7 @@ class DiagnosisReport(VisibilityReport):
             "implausible": "no cause was found, but the calibration is implausible: do not use its parameters",
         }
         residuals = ResidualText(diagnosis, self.sigma, self.error_unit).text
-        verdict = f"{words[diagnosis.verdict]}{self._mistakes()}{tested_alone(self.only)}"
+        verdict = f"{words[diagnosis.verdict]}{self._mistakes()}{tested_alone(self.only)}{self._run_off()}"
         return f"diagnosis: {self._provisional()}{verdict}\n{residuals}"
 
     def _mistakes(self) -> str:
@@ -107,6 +108,13 @@ class DiagnosisReport(VisibilityReport):
         if not texts:
             return ""
         return f"{': ' if self.diagnosis.verdict == 'measurement_fault' else '; besides, '}{listed(texts, 3)}"
+
+    def _run_off(self) -> str:
+        """Declared parameters that take up what no machine has."""
+        search = self.diagnosis.search
+        off = run_off(search) if search.fit.status == "converged" else {}
+        texts = [f"{name} is {times:.3g} ranges off nominal" for name, times in off.items()]
+        return f"; but {listed(texts, 3)}" if texts else ""
 
     @property
     def only(self) -> tuple[str, ...] | None:
