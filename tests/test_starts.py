@@ -10,11 +10,14 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.base.budget import HELP, Budget
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration import starts
 from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.holdout import cross_validate
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.starts import best_of_starts, identify_from
+from pkmcal_cli.prediction import WarmStart
 from tests.campaigns import by_engine, shipped
 from tests.command import SCISSORS, run
 from tests.support import MACHINES
@@ -143,6 +146,21 @@ def test_help_that_nobody_asked_for_ends_in_time(monkeypatch: pytest.MonkeyPatch
     assert seconds[0] <= HELP + 2.0 and agreement.starts + agreement.untried == starts.ON_FAILURE
     assert agreement.untried and f"{agreement.untried} not tried after 20 s" in agreement.text
     assert not best_of_starts(problem, selected, problem.model.nominal, poor, 8, 0)[1].untried
+
+
+def test_folds_that_end_in_a_worse_minimum_begin_where_the_fit_ended() -> None:
+    """Fewer rows leave less, so an end that leaves more is another minimum."""
+    problem, _, fit = campaign()
+
+    def again(part: Problem, selected: tuple[str, ...], start: Array, states: WarmStart | None) -> Fit:
+        end = identify(part, selected, start, states=states)
+        at_first = np.array_equal(start, fit.before.values)
+        return replace(end, values=fit.before.values, chi2=10 * fit.chi2) if at_first else end
+
+    folds = np.arange(len(problem)) % 2
+    held, good = (cross_validate(problem, fit, folds, "2 folds", how) for how in (again, None))
+    for kind, figures in good.after.items():
+        assert held.after[kind].rms == pytest.approx(figures.rms, rel=1e-3)
 
 
 def test_starts_agree_and_are_counted() -> None:

@@ -25,6 +25,7 @@ Refit = Callable[[Problem, tuple[str, ...], Array, WarmStart | None], Fit]
 """A fit of some parameters from values (P,), and states near those there. Raises RowsFailed."""
 
 _SAME = 1e-3  # share of a drive's spread that readings of one pose may differ by
+_WORSE = 2.0  # times chi-square per degree of freedom of all rows, at which some are in another minimum
 _CELLS = 4  # cells along each axis of the workspace
 VALUES_PER_PARAMETER = 3  # below this the hold-out is left out by default
 
@@ -131,16 +132,17 @@ def _by_least_squares(problem: Problem, selected: tuple[str, ...], start: Array,
 
 
 def _refitted(problem: Problem, fit: Fit, rows: NDArray[np.intp], again: Refit) -> Fit | None:
-    """The fit of some rows, from where it began; where that leads nowhere, from where it ended."""
-    trained: Fit | None = None
+    """The fit of some rows, from where it began; where that leads nowhere, or to a worse end, from where it ended."""
+    ends: list[Fit] = []
     for begin in (fit.before, fit.after):
         try:
-            trained = again(problem, fit.selected, begin.values, _states(begin, rows))
+            ends.append(again(problem, fit.selected, begin.values, _states(begin, rows)))
         except RowsFailed:
             continue
-        if trained.status != "not_converged":
+        worse = ends[-1].chi2_per_dof > _WORSE * max(fit.chi2_per_dof, 1.0)
+        if ends[-1].status != "not_converged" and not worse:
             break
-    return trained
+    return min(ends, key=lambda e: (e.status == "not_converged", e.chi2), default=None)
 
 
 def _predicted(part: Problem, values: Array, refitted: tuple[str, ...], states: WarmStart | None) -> Evaluation:
