@@ -30,13 +30,14 @@ bodies:
     points: {{{", ".join(f"P{k}: {list(map(float, p))}" for k, p in enumerate(CORNERS))}}}
 ropes: {{{", ".join(f"rope{k}: {{between: [A{k}, P{k}], EA: {EA}}}" for k in range(8))}}}
 actuators: {{{", ".join(f"q{k}: {{winds: rope{k}, radius: {DRUM}, zero: 0{REDUNDANT[k]}}}" for k in range(8))}}}
-sensors: {{tracker: {{at: platform, reads: [x, y, z, rx, ry, rz], sigma: {{position: 3e-5, orientation: 6e-5}}, frame: machine}}}}
+sensors:
+  tracker: {{at: platform, reads: [x, y, z, rx, ry, rz], frame: machine, sigma: {{position: 3e-5, orientation: 6e-5}}}}
 tool_point: platform
 """
 
 
 def natural_lengths(pose: Array, tension: float) -> Array | None:
-    """Lengths (8,) of the ropes without load that hold a pose (6,) with tensions near `tension`, N; None if some push."""
+    """Unloaded lengths (8,) of ropes that hold a pose (6,) with tensions near `tension`, N; None if one pushes."""
     corners = Rotation.from_rotvec(pose[3:]).apply(CORNERS)
     away = ANCHORS - pose[:3] - corners
     length = np.linalg.norm(away, axis=1)

@@ -108,8 +108,9 @@ ENGINE = (
         "tests/test_survivors.py::test_linear_is_one_step_without_geometric_stiffness",
     ),
     Mutant(
-        "prediction/solving.py", "np.nonzero(after < before)", "np.nonzero(after > before)", "tests/test_branches.py"
+        "prediction/solving.py", "(after < before) & ~stays", "(after > before) & ~stays", "tests/test_branches.py"
     ),
+    Mutant("prediction/solving.py", "(after < before) & ~stays", "after < before", "tests/test_tensioned_platform.py"),
     Mutant(
         "prediction/displacements.py", "before * np.exp(moved) if", "before * (1 + moved) if", "tests/test_effects.py"
     ),
