@@ -96,11 +96,13 @@ def test_a_dimension_within_reason_is_no_cause(tmp_path: Path) -> None:
     assert done.code == 0 and done.json["verdict"] == "clean"
 
 
-def test_a_calibration_that_is_implausible_is_not_clean_without_a_word(tmp_path: Path) -> None:
+def test_a_calibration_that_is_implausible_is_not_clean(tmp_path: Path) -> None:
     """A leg 3 mm longer than drawn, 30 ranges, which no constant of a drive explains."""
     table = Path(write_table(tmp_path / "t.csv", "triglide", true_values("triglide", 5, l1=3e-3), 5, 60))
-    done = clean(run("diagnose", TRIGLIDE, table))
-    assert "the calibration is implausible: values many ranges off nominal: l1 (30)" in done.err
+    done = clean(run("diagnose", TRIGLIDE, table, "--json"))
+    assert done.code == 1 and done.json["verdict"] == "implausible"
+    assert done.json["implausible"] == ["values many ranges off nominal: l1 (30)"]
+    assert "because: values many ranges off nominal: l1 (30)" in done.err
 
 
 @pytest.mark.parametrize("number", [183, pytest.param(163, marks=pytest.mark.slow)])
