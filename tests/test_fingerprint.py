@@ -69,6 +69,8 @@ VALUES = [
     ("k: {nominal: 60 kN/mm, range: 10 kN/mm}", "k: {nominal: 61 kN/mm, range: 9 kN/mm}"),
     ("ranges: {length: 0.1}", "ranges: {length: 0.2, angle: 1}"),
     ("q2: {moves: c2}", "q2: {moves: c2, limits: [0, 2000], column: Q2, sigma: 1 um, period: 5, scale: 1.0001}"),
+    ("q2: {moves: c2}", "q2: {moves: c2, force_limit: 300}"),
+    ("EA: 20 kN}", "EA: 20 kN, t_min: 5 N}"),
     ("q2: {moves: c2}", "q2: {moves: c2, redundant: true}"),
     ("q2: {moves: c2}", "q2: {moves: c2, redundant: true, control: force, force: 3}"),
     ("control: force, force: 40, ", ""),
@@ -137,6 +139,8 @@ STRUCTURE: list[tuple[str, str, str]] = [
     ("length: l2 + 3", "length: l2 + l1", "changed: bar `rod2`"),
     ("k: 70 kN/mm", "k: k", "changed: bar `rod2`"),
     (", k: 70 kN/mm", "", "changed: bar `rod2`"),
+    ("EA: 20 kN}", "EA: 20 kN, mass: 1}", "changed: rope `rope`"),
+    ("EA: 20 kN}", "k: 20 kN/mm}", "changed: rope `rope`"),
     ("B2: [0, 50]", "B2: [0, b]", "changed: body `c2`"),
     ("B1: [0, b]", "B1: [b, 0]", "changed: body `c1`"),
     ("A: [1000, 300]", "A: [1000, 300 + b]", "additional: ground point `A`"),
@@ -172,6 +176,16 @@ def test_what_a_machine_is_made_of_counts(old: str, new: str, words: str) -> Non
     if "cable" in new:
         text = text.replace("winds: rope", "winds: cable")
     assert words in told(of(text), of(BASE))
+
+
+def test_files_written_when_limits_counted_are_taken_for_the_same_limits() -> None:
+    """By the hashes that such files have."""
+    text = changed("EA: 20 kN}", "EA: 20 kN, t_min: 5}").replace("moves: c2", "moves: c2, force_limit: 300")
+    limited, written = of(text), {"ropes": {"rope": "eb5da99a"}, "actuators": {"q2": "7ae7afea"}}
+    before = Fingerprint("m.yaml", {k: {**v, **written.get(k, {})} for k, v in limited.entries.items()})
+    assert limited.difference(before) is None
+    assert told(of(text.replace("k: 70 kN/mm", "k: k")), before) == "changed: bar `rod2`"
+    assert told(of(text.replace("EA: 20 kN", "k: 20 kN/mm")), before) == "changed: rope `rope`"
 
 
 def test_the_order_of_held_directions_does_not_count() -> None:

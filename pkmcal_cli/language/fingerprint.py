@@ -1,8 +1,8 @@
 """The fingerprint of a machine: what it is made of without its numbers, so that values are not taken for another one.
 
 Every thing has a hash of its kind, of what it joins, of which numbers it states and on which parameters they depend;
-not of the numbers, units, columns or notes. A file, the same one written out or flattened, and one with other values
-have one fingerprint.
+not of the numbers, units, columns or notes, nor of limits, which change no prediction. A file, the same one written out
+or flattened, and one with other values have one fingerprint.
 """
 
 from __future__ import annotations
@@ -31,6 +31,8 @@ _LEFT_OUT = {
 }  # fmt: skip
 _COMMAND = {"control", "redundant", "force"}
 """Of an actuator: how it is commanded, not what the machine is; values found under one control hold under another."""
+_LIMITS = {"ropes": "t_min", "actuators": "force_limit"}
+"""What is only watched, by section; whether it is stated counted once, in files that are still about."""
 _AXES = {"along", "axis", "axes"}
 _POINTS = {"between", "at", "to"}
 _SETS = {"fixed"}
@@ -51,10 +53,12 @@ def _whole() -> list[str]:
 
 @dataclass(frozen=True)
 class Fingerprint:
-    """`of`: name of the machine's file; `things`: a hash by section and name."""
+    """`of`: name of the machine's file; `entries`: a hash by section and name; `with_limits`: of things that state one,
+    as files were written when limits counted."""
 
     of: str = ""
     entries: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    with_limits: Mapping[tuple[str, str], str] = field(default_factory=dict, compare=False)
 
     def line(self) -> str:
         """One line of YAML (and JSON)."""
@@ -67,7 +71,7 @@ class Fingerprint:
         parts = (
             ("additional: {}", [k for k in entries if k not in others]),
             ("missing: {}", [k for k in others if k not in entries]),
-            ("changed: {}", [k for k in entries if entries[k] != others.get(k, entries[k])]),
+            ("changed: {}", [k for k in entries if others.get(k) not in (None, entries[k], self.with_limits.get(k))]),
         )
         return "; ".join(words.format(_listed(keys)) for words, keys in parts if keys) or None
 
@@ -96,9 +100,18 @@ def fingerprint_of(machine: Machine) -> Fingerprint:
         "sensors": _forms(_own_sensors(machine), owners),
         "effects": {name: _effect(name, entries, machine) for name, entries in machine.effects.items()},
     }
-    hashes = {section: {name: _hash(form) for name, form in forms.items()} for section, forms in sections.items()}
+    with_limits = {
+        (section, name): _hash(form)
+        for section, limit in _LIMITS.items()
+        for name, form in sections[section].items()
+        if limit in form
+    }
+    hashes = {
+        section: {name: _hash(_without(form, _LIMITS.get(section))) for name, form in forms.items()}
+        for section, forms in sections.items()
+    }
     name = machine.files[0][0] if machine.files else ""
-    return Fingerprint(name, {section: digests for section, digests in hashes.items() if digests})
+    return Fingerprint(name, {section: digests for section, digests in hashes.items() if digests}, with_limits)
 
 
 def read_fingerprint(plain: Any) -> Fingerprint:
@@ -116,6 +129,10 @@ def read_fingerprint(plain: Any) -> Fingerprint:
 
 def _hash(form: Any) -> str:
     return hashlib.sha256(json.dumps(form, sort_keys=True).encode()).hexdigest()[:_DIGITS]
+
+
+def _without(form: Any, key: str | None) -> Any:
+    return {k: part for k, part in form.items() if k != key} if isinstance(form, dict) else form
 
 
 def _forms(entries: Mapping[str, Any], owners: Mapping[str, str]) -> dict[str, Any]:
