@@ -83,3 +83,22 @@ def test_a_force_limit_weighs_a_drive(tmp_path: Path) -> None:
     once, twice, one = (columns(corrected(tmp_path, targets, text, true)[1], "force.") for text in texts)
     assert once == pytest.approx(twice, abs=1e-3)
     assert (one[:, 0] > once[:, 0] - 1e-4).all() and (one[:, 0] > once[:, 0] + 0.5).any()
+
+
+@pytest.mark.parametrize("choice", ["min-force", "preload"])
+def test_ropes_that_hang_without_tension_are_named_with_the_remedy(choice: str, tmp_path: Path) -> None:
+    """Least forces leave ropes at 0 N; with `t_min` there is no warning, and its figure is shown."""
+    true, targets = FiveRopes.drawn(1), places(12)
+    bare = rope_text().replace(f", t_min: {LEAST}", "")
+    done, out = corrected(tmp_path, targets, bare, true, "--redundant", choice, "--json")
+    loose = np.stack([true.found(q).tension.astype(float) for q in columns(out, "", 1e-3)])
+    rows = loose < 0.02 * loose.max(axis=1, keepdims=True)
+    assert 0 < rows.any(axis=1).sum() == done.json["hardly_taut"]
+    assert [r["hardly_taut"] for r in done.json["ropes"]] == rows.sum(axis=0).tolist()
+    assert [r["after"] for r in done.json["ropes"]] == pytest.approx(loose.min(axis=0), abs=1e-4)
+    assert f"ropes hardly taut: {rows.any(axis=1).sum()} of 12 targets" in done.err
+    assert "`ropes: {r5: {t_min: " in done.err
+    done, _ = corrected(tmp_path, targets, rope_text(), true, "--redundant", "min-force", "--json")
+    assert done.json["hardly_taut"] == 0 and "hardly taut" not in done.err
+    assert {r["t_min"] for r in done.json["ropes"]} == {LEAST}
+    assert min(r["after"] for r in done.json["ropes"]) == pytest.approx(LEAST, rel=1e-4)

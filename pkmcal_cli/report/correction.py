@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -19,17 +18,16 @@ from pkmcal_cli.correction.uncertainty import Spread
 from pkmcal_cli.loading.load_machine import Start
 from pkmcal_cli.loading.targets import Targets
 from pkmcal_cli.model.model import Model
+from pkmcal_cli.report.bearing import Bearing
 from pkmcal_cli.report.console import Reporter
+from pkmcal_cli.report.correction_figures import exact, largest, rms, shown
 from pkmcal_cli.report.failed_rows import FailedRows, SkippedPoints
 from pkmcal_cli.report.loads import Loads
-from pkmcal_cli.report.number_format import finite, handy, three_digits
-from pkmcal_cli.units.unit_text import Unit, parse_unit
+from pkmcal_cli.report.number_format import handy
+from pkmcal_cli.units.unit_text import parse_unit
 
 _SHOWN = 20  # targets without set values that are told one by one
 _KINDS = (("position", "um"), ("orientation", "urad"))
-_NOTHING = "-"
-_ROUNDING = 1e-4  # of a micrometre or newton: nothing
-_NO_ERROR, _NO_ENERGY = 1e-6, 1e-12  # um, urad, N and J that are rounding
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +67,7 @@ class CorrectionReport:
         if not self._numbers or self.result is None:
             return
         self._show_errors(to, self.result)
-        self._show_forces(to, self.result)
+        self._bearing(self.result).show(to)
         self._show_doubts(to, self.result)
         self.loads.show(to)
 
@@ -118,6 +116,9 @@ class CorrectionReport:
         start = made.after.prediction.start.take(good)
         return Loads.of(self.model, self.start.values, made.rows.take(good), row_origin, start)
 
+    def _bearing(self, result: Assessment) -> Bearing:
+        return Bearing(model=self.model, result=result, redundant=self._redundant)
+
     # --- tables --------------------------------------------------------------------------------
     def _show_errors(self, to: Reporter, result: Assessment) -> None:
         rows = []
@@ -126,13 +127,13 @@ class CorrectionReport:
                 errors = [self._error(result, kind, after) for after in (False, True)]
                 spreads = [self._spread(s, kind) for s in (result.before, result.after)]
                 figures = [
-                    _rms(errors[0]),
-                    _largest(errors[0]),
-                    _rms(errors[1]),
-                    _rms(spreads[1]),
-                    _largest(spreads[1]),
+                    rms(errors[0]),
+                    largest(errors[0]),
+                    rms(errors[1]),
+                    rms(spreads[1]),
+                    largest(spreads[1]),
                 ]
-                rows.append((kind, *(_text(f, parse_unit(unit)) for f in figures)))
+                rows.append((kind, *(shown(f, parse_unit(unit)) for f in figures)))
         head = ("error", "rms before", "max before", "rms after", "u (rms)", "u (max)")
         to.table("Predicted error of the tool point; u: standard uncertainty after", head, rows)
         if result.free:
@@ -141,29 +142,9 @@ class CorrectionReport:
         if result.after is None:
             to.say("uncertainty: not available (no parameters with `correlations`, as `calibrate -o` writes them)")
 
-    def _show_forces(self, to: Reporter, result: Assessment) -> None:
-        made = result.correction
-        internal = made.internal.part(np.nan_to_num(made.after.force))
-        parts = (made.before.force, made.after.force, made.after.force - internal, internal)
-        u = np.full(internal.shape, np.nan) if result.after is None else result.after.force
-        rows = []
-        for a, actuator in enumerate(self.model.actuators):
-            unit = self._unit(a)
-            figures = [_text(_largest(self._good(np.abs(f[:, a]))), unit) for f in (*parts, u)]
-            limit = _text(actuator.force_limit, unit) if np.isfinite(actuator.force_limit) else _NOTHING
-            rows.append((actuator.name, *figures, limit))
-        head = ("drive", "before", "after", "load", "internal", "u", "limit")
-        to.table("Largest forces of the drives; after = load + internal", head, rows)
-        energy = [_mean(self._good(p.energy)) for p in (made.before, made.after)]
-        energy = [0.0 if e < _NO_ENERGY else e for e in energy]
-        to.say(f"strain energy (mean): {three_digits(energy[0])} J before, {three_digits(energy[1])} J after")
-
-    def _unit(self, actuator: int) -> Unit:
-        length = self.model.topology.moves_length(self.model.topology.drives[actuator])
-        return parse_unit("N" if length else "N m")
-
     def _show_doubts(self, to: Reporter, result: Assessment) -> None:
         total = count(len(self._numbers), "target")
+        self._bearing(result).warn(to)
         for name, where in self._beyond(result).items():
             to.warn(f"warning: outside the measured range of {name}: {len(where)} of {total}, first {where[0]}")
         if weak := [k for k in result.correction.good if result.weak[k]]:
@@ -175,7 +156,7 @@ class CorrectionReport:
             to.warn(f"warning: side of approach not settled: {len(turned)} of {total}: {text}")
         evidence = self.start.evidence
         if evidence is not None and evidence.missing:
-            left = ", ".join(_text(v, parse_unit(_unit_of(kind))) for kind, v in evidence.unexplained.items())
+            left = ", ".join(shown(v, parse_unit(_unit_of(kind))) for kind, v in evidence.unexplained.items())
             message = f"warning: something is missing: the calibration left {evidence.times_noise:.3g} times the noise"
             within = f"the uncertainties contain {left} for it" if left else "the uncertainties do not contain it"
             to.warn(f"{message}; {within} (`pkmcal diagnose` looks for the cause)")
@@ -204,8 +185,7 @@ class CorrectionReport:
             **self.lost.json(),
             "errors": {} if result is None else self._errors_json(result),
             "not_held": {} if result is None else self._free_json(result),
-            "drives": [] if result is None else self._drives_json(result),
-            "strain_energy": None if result is None else self._energy_json(result),
+            **Bearing.json_of(None if result is None else self._bearing(result)),
             "weak": 0 if result is None else int(self._good(result.weak).sum()),
             "outside": {} if result is None else {n: len(where) for n, where in self._beyond(result).items()},
             "sides_not_settled": 0 if result is None else int(self._good(result.correction.turned).sum()),
@@ -225,35 +205,17 @@ class CorrectionReport:
                     "u": self._spread(result.after, kind),
                 }
                 scale = parse_unit(unit).scale
-                figures = {n: {"rms": _rms(v), "max": _largest(v)} for n, v in numbers.items()}
-                out[kind] = {n: {k: _exact(x / scale) for k, x in f.items()} for n, f in figures.items()}
+                figures = {n: {"rms": rms(v), "max": largest(v)} for n, v in numbers.items()}
+                out[kind] = {n: {k: exact(x / scale) for k, x in f.items()} for n, f in figures.items()}
                 out[kind]["unit"] = unit
         return out
 
     def _free_json(self, result: Assessment) -> dict[str, Any]:
         units = ((f, parse_unit(_unit_of_coordinate(f))) for f in result.free)
         return {
-            f.name: {"rms": _exact(f.rms / u.scale), "max": _exact(f.largest / u.scale), "unit": u.text}
+            f.name: {"rms": exact(f.rms / u.scale), "max": exact(f.largest / u.scale), "unit": u.text}
             for f, u in units
         }
-
-    def _drives_json(self, result: Assessment) -> list[dict[str, Any]]:
-        made = result.correction
-        internal = made.internal.part(np.nan_to_num(made.after.force))
-        u = np.full(internal.shape, np.nan) if result.after is None else result.after.force
-        parts = {"before": made.before.force, "after": made.after.force, "load": made.after.force - internal}
-        parts |= {"internal": internal, "u": u}
-        return [
-            {"name": actuator.name}
-            | {n: _exact(_largest(self._good(np.abs(f[:, a])))) for n, f in parts.items()}
-            | {"limit": finite(actuator.force_limit), "unit": self._unit(a).text}
-            for a, actuator in enumerate(self.model.actuators)
-        ]
-
-    def _energy_json(self, result: Assessment) -> dict[str, Any]:
-        made = result.correction
-        energies = {"before": made.before.energy, "after": made.after.energy}
-        return {n: _exact(_mean(self._good(e)), _NO_ENERGY) for n, e in energies.items()}
 
 
 def _unit_of_coordinate(f: FreeCoordinate) -> str:
@@ -264,35 +226,9 @@ def _size(f: FreeCoordinate, size: float) -> str:
     return handy(size, parse_unit(_unit_of_coordinate(f)))
 
 
-def _exact(value: float, least: float = _NO_ERROR) -> float | None:
-    """A number for JSON; 0 where it is rounding."""
-    return finite(value if abs(value) > least or np.isnan(value) else 0.0)
-
-
 def _unexplained_json(left: dict[str, float] | Any) -> dict[str, Any]:
     return {k: {"std": v / parse_unit(_unit_of(k)).scale, "unit": _unit_of(k)} for k, v in left.items()}
 
 
 def _unit_of(kind: str) -> str:
     return "urad" if kind == "orientation" else "um"
-
-
-def _text(value: float, unit: Unit) -> str:
-    if np.isnan(value):
-        return _NOTHING
-    return handy(value if abs(value) > _ROUNDING * unit.scale else 0.0, unit)
-
-
-def _rms(values: Array) -> float:
-    kept = values[~np.isnan(values)]
-    return float(np.sqrt((kept**2).mean())) if len(kept) else float("nan")
-
-
-def _largest(values: Array | Sequence[float]) -> float:
-    kept = np.asarray(values)[~np.isnan(values)]
-    return float(kept.max()) if len(kept) else float("nan")
-
-
-def _mean(values: Array) -> float:
-    kept = values[~np.isnan(values)]
-    return float(kept.mean()) if len(kept) else float("nan")

@@ -43,6 +43,13 @@ drives[].internal number: part by which the drives only act against each other
 drives[].u number?: largest standard uncertainty of its force; null without `correlations`
 drives[].limit number?: `force_limit`; null without one
 drives[].unit text:
+ropes[].name text: a rope; of ropes that are one cable, the cable
+ropes[].before number?: its least tension at the set values of the nominal machine, N
+ropes[].after number?: at the commands
+ropes[].t_min number?: what is stated; null without one
+ropes[].hardly_taut integer: number of targets at which it is slack or its tension is below 2 % of the largest; 0 with
+    `t_min` and where no drive is redundant
+hardly_taut integer: number of targets with such ropes
 strain_energy.before number?: mean over the targets, J
 strain_energy.after number?:
 weak integer: number of targets most of whose variance comes from directions that the calibration hardly determines
