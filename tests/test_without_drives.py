@@ -129,6 +129,7 @@ def test_a_frame_is_diagnosed_and_improved() -> None:
     assert run("simulate", "hung.yaml", "w.csv", "--noise", "declared", "--seed", "3", "-o", "t.csv").code == 0
     diagnosed = run("diagnose", "portal.yaml", "t.csv", "--json")
     assert [found["effect"] for found in diagnosed.json["effects"]] == ["payload"]
+    assert "as weighed" in diagnosed.err, "no size that has been found"
     improved = run("improve", "portal.yaml", "t.csv", "-o", "better.yaml", "--json")
     assert improved.code == 0, improved.err
     again = run("calibrate", "better.yaml", "t.csv", "--holdout", "none", "--json").json

@@ -135,8 +135,8 @@ class EffectParameter:
 
     `rotary`: the unit where the drive turns, `turning`: the range then, in it; `spatial`: only in space; `free`: fitted
     with the others, but no part of the effect, which nobody infers from it; `possible`: the interval, in `unit`, out of
-    which no value can be; `known`: its value, in `unit`, wherever the effect acts, unless it is identified; `order`: in
-    which it is needed: often an effect is told by its numbers of the lowest orders alone.
+    which no value can be; `known`: its value, in `unit`, wherever the effect acts, unless it is identified, `known_as`:
+    in words; `order`: in which it is needed: often an effect is told by its numbers of the lowest orders alone.
     """
 
     name: str
@@ -149,6 +149,7 @@ class EffectParameter:
     free: bool = False
     possible: tuple[float, float] = (-math.inf, math.inf)
     known: float | None = None
+    known_as: str = ""
     order: int = 0
 
     def range_in(self, rotary: bool) -> float:

@@ -73,7 +73,12 @@ PAYLOAD = Effect(
     enters="load",
     parameters=(
         EffectParameter(
-            name="m", unit="1", range=2, text="share of the column `payload` that acts on the machine", known=1.0
+            name="m",
+            unit="1",
+            range=2,
+            text="share of the column `payload` that acts on the machine",
+            known=1.0,
+            known_as="as weighed",
         ),
     ),
     formula=lambda at, m: [m * _G * at.payload * component for component in at.down],

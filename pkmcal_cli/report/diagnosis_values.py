@@ -13,6 +13,7 @@ from pkmcal_cli.diagnosis.panels import FieldMap, field_map
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
 from pkmcal_cli.diagnosis.score import UNUSUAL
 from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes
+from pkmcal_cli.effects import catalogue
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.loading.poses import origin_of
 from pkmcal_cli.model.model import Model
@@ -137,7 +138,9 @@ class DiagnosisValues:
         label = "" if len(finding.hypothesis.parameters) == 1 else f"{name.rpartition('.')[2]} "
         label = label if not finding.hypothesis.members else f"{name.partition('@')[2].replace('.', ' ')} "
         if name in dict(finding.hypothesis.known):
-            return label + handy(finding.estimate[k], unit)
+            keyword, _, number = name.partition("@")
+            words = {p.name: p.known_as for p in catalogue()[keyword].parameters}.get(number.rpartition(".")[2])
+            return label + (words or handy(finding.estimate[k], unit))
         return label + uncertain(unit.from_si(finding.estimate[k]), finding.std[k] / unit.scale, unit.text)
 
     def leading(self, finding: Finding) -> int:
