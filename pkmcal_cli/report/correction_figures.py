@@ -9,7 +9,7 @@ from pkmcal_cli.report.number_format import finite, handy
 from pkmcal_cli.units.unit_text import Unit
 
 NOTHING = "-"
-_ROUNDING = 1e-4  # of a micrometre or newton: nothing
+_ROUNDING = 1e-4  # of the unit of what is shown: nothing
 _NO_ERROR = 1e-6  # um, urad and N that are rounding
 
 
@@ -18,11 +18,11 @@ def exact(value: float, least: float = _NO_ERROR) -> float | None:
     return finite(value if abs(value) > least or np.isnan(value) else 0.0)
 
 
-def shown(value: float, unit: Unit) -> str:
-    """A number with its unit; a dash where there is none."""
+def shown(value: float, unit: Unit, least: float = _ROUNDING) -> str:
+    """A number, SI, with its unit; 0 up to `least` of the unit, a dash where there is none."""
     if np.isnan(value):
         return NOTHING
-    return handy(value if abs(value) > _ROUNDING * unit.scale else 0.0, unit)
+    return handy(value if abs(value) > least * unit.scale else 0.0, unit)
 
 
 def rms(values: Array) -> float:

@@ -14,14 +14,14 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.export_case import Draft, ExportCase, Format
 from pkmcal_cli.correction.strained_pose import StrainedPose
 from pkmcal_cli.report.console import Reporter
-from pkmcal_cli.report.number_format import finite, handy, three_digits
+from pkmcal_cli.report.correction_figures import NOTHING, largest, rms, shown
+from pkmcal_cli.report.number_format import finite, three_digits
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _KINDS = (("position", "um"), ("orientation", "urad"))
 _NO_ENERGY = 1e-12  # J: rounding
 _ROUNDING = 1e-3  # um or urad: nothing
 _LEAST = 1e-9  # m or rad: by which an error has to grow to be larger
-_NOTHING = "-"
 _FOLDS, _FEWEST = 5, 10  # parts of the targets; targets
 BEFORE, EXPORT, CORRECTED = "before", "export", "corrected"
 
@@ -69,8 +69,8 @@ class ExportReport:
             few = count(len(self.case.usable), "target")
             return f"{kind} between the targets: unknown with {few}; give {_FEWEST} or more"
         unit = dict(self.kinds)[kind]
-        rms, most = (_text(f(self._apart_sizes(kind)), unit) for f in (_rms, _largest))
-        return f"{kind} at targets that it was not fitted to ({_FOLDS} parts in turn): {rms} rms, {most} at most"
+        root, most = (_text(f(self._apart_sizes(kind)), unit) for f in (rms, largest))
+        return f"{kind} at targets that it was not fitted to ({_FOLDS} parts in turn): {root} rms, {most} at most"
 
     def _apart_sizes(self, kind: str) -> Array:
         assert self._apart is not None
@@ -114,12 +114,12 @@ class ExportReport:
         """What stands in every written file, beside its numbers."""
         out = [f"pkmcal correct --as {self.format.keyword}: {self.format.title}"]
         for kind, unit in self.kinds:
-            rms = [_text(_rms(self._sizes(w, kind)), unit) for w in (BEFORE, EXPORT, CORRECTED)]
-            most = [_text(_largest(self._sizes(w, kind)), unit) for w in (BEFORE, EXPORT, CORRECTED)]
+            roots = [_text(rms(self._sizes(w, kind)), unit) for w in (BEFORE, EXPORT, CORRECTED)]
+            most = [_text(largest(self._sizes(w, kind)), unit) for w in (BEFORE, EXPORT, CORRECTED)]
             where, u = count(len(self.case.usable), "target"), self._uncertainty(kind)
             out.append(
-                f"error of the tool point that remains, {kind}, rms (max) of {where}: {rms[0]} ({most[0]}) before, "
-                f"{rms[1]} ({most[1]}) with this, {rms[2]} ({most[2]}) with corrected set values; "
+                f"error of the tool point that remains, {kind}, rms (max) of {where}: {roots[0]} ({most[0]}) before, "
+                f"{roots[1]} ({most[1]}) with this, {roots[2]} ({most[2]}) with corrected set values; "
                 f"standard uncertainty {'unknown' if np.isnan(u) else _text(u, unit)}"
             )
             out += [text] if (text := self._apart_text(kind)) else []
@@ -129,9 +129,9 @@ class ExportReport:
     def show(self, to: Reporter, files: Sequence[str]) -> None:
         """The verdict, errors that remain, what was written."""
         for kind, unit in self.kinds:
-            rms = {w: _text(_rms(self._sizes(w, kind)), unit) for w in (BEFORE, EXPORT, CORRECTED)}
-            with_it = f"{rms[BEFORE]} -> {rms[EXPORT]} with `{self.format.keyword}`"
-            to.say(f"{kind}, rms: {with_it}, {rms[CORRECTED]} with corrected set values")
+            roots = {w: _text(rms(self._sizes(w, kind)), unit) for w in (BEFORE, EXPORT, CORRECTED)}
+            with_it = f"{roots[BEFORE]} -> {roots[EXPORT]} with `{self.format.keyword}`"
+            to.say(f"{kind}, rms: {with_it}, {roots[CORRECTED]} with corrected set values")
             if text := self._apart_text(kind):
                 to.say(text)
         if (listing := self.draft.shown) is not None:
@@ -141,8 +141,8 @@ class ExportReport:
         for kind, unit in self.kinds:
             for variant, name in names.items():
                 sizes = self._sizes(variant, kind)
-                u = _NOTHING if variant == BEFORE else _text(self._uncertainty(kind), unit)
-                rows.append((kind, name, _text(_rms(sizes), unit), _text(_largest(sizes), unit), u))
+                u = NOTHING if variant == BEFORE else _text(self._uncertainty(kind), unit)
+                rows.append((kind, name, _text(rms(sizes), unit), _text(largest(sizes), unit), u))
         title = f"Error of the tool point that remains at {count(len(self.case.usable), 'target')}"
         to.table(title, ("error", "with", "rms", "max", "u (rms)"), rows, left=2)
         if self.case.redundant:
@@ -153,7 +153,7 @@ class ExportReport:
         if left := len(self.case.made.good) - len(self.case.usable):
             to.warn(f"warning: not counted: {count(left, 'target')} without set values of the nominal machine")
         for kind, _ in self.kinds:
-            if _rms(self._sizes(EXPORT, kind)) > _rms(self._sizes(BEFORE, kind)) + _LEAST:
+            if rms(self._sizes(EXPORT, kind)) > rms(self._sizes(BEFORE, kind)) + _LEAST:
                 to.warn(f"warning: with `{self.format.keyword}` the error of the {kind} is larger than before")
         if self.lost:
             to.warn(f"warning: no pose of the machine with `{self.format.keyword}` at {count(self.lost, 'target')}")
@@ -165,10 +165,10 @@ class ExportReport:
         remaining: dict[str, Any] = {}
         for kind, unit in self.kinds:
             sizes = {w: self._sizes(w, kind) / unit.scale for w in (BEFORE, EXPORT, CORRECTED)}
-            remaining[kind] = {w: {"rms": finite(_rms(s)), "max": finite(_largest(s))} for w, s in sizes.items()}
+            remaining[kind] = {w: {"rms": finite(rms(s)), "max": finite(largest(s))} for w, s in sizes.items()}
             if self._apart is not None:
                 apart = self._apart_sizes(kind) / unit.scale
-                remaining[kind]["not_fitted"] = {"rms": finite(_rms(apart)), "max": finite(_largest(apart))}
+                remaining[kind]["not_fitted"] = {"rms": finite(rms(apart)), "max": finite(largest(apart))}
             remaining[kind] |= {"u": finite(self._uncertainty(kind) / unit.scale), "unit": unit.text}
         return {
             "format": self.format.keyword,
@@ -185,16 +185,4 @@ class ExportReport:
 
 
 def _text(value: float, unit: Unit) -> str:
-    if np.isnan(value):
-        return _NOTHING
-    return handy(value if abs(value) > _ROUNDING * unit.scale else 0.0, unit)
-
-
-def _rms(values: Array) -> float:
-    kept = values[~np.isnan(values)]
-    return float(np.sqrt((kept**2).mean())) if len(kept) else float("nan")
-
-
-def _largest(values: Array) -> float:
-    kept = values[~np.isnan(values)]
-    return float(kept.max()) if len(kept) else float("nan")
+    return shown(value, unit, _ROUNDING)
