@@ -66,6 +66,27 @@ def test_two_that_stand_for_two_others_are_exchanged_together() -> None:
     assert names(swapped(wrong).accepted) == names(right.accepted) == names(swapped(right).accepted)
 
 
+def test_a_row_without_a_side_counts_less_by_what_is_declared_or_accepted_and_no_longer() -> None:
+    """Its first row: reversal of the drives that have some is part of their uncertainty there, and nowhere else."""
+
+    def drives(search: Search) -> set[str]:
+        sigma = search.problem.side_sigma
+        assert sigma is None or not sigma[1:].any()
+        named = [a.name for a in search.problem.model.actuators]
+        return set() if sigma is None else {name for name, s in zip(named, sigma[0], strict=True) if s}
+
+    case = planted(("backlash", "q3", 1.0))
+    rows = case.problem.rows
+    sides = {n: np.where(np.arange(len(rows)) > 0, v, 0) for n, v in rows.columns.items() if n.startswith("dir.")}
+    problem = replace(case.problem, rows=replace(rows, columns={**rows.columns, **sides}))
+    without = replace(at(case), problem=problem)
+    (q3,) = at(case, "backlash@q3").accepted
+    found = without.accepting([q3])
+    assert (drives(without), drives(found), drives(found.accepting((), [q3]))) == (set(), {"q3"}, set())
+    declared = replace(without, declared=(*without.declared, "backlash@q1.b")).accepting([q3])
+    assert (drives(declared), drives(declared.accepting((), [q3]))) == ({"q1", "q3"}, {"q1"})
+
+
 def test_what_an_exchange_makes_needless_goes() -> None:
     case = planted(("backlash", "q3", 1.0))
     assert names(swapped(at(case, "backlash@q1", "pitch_curve@q2")).accepted) == {"backlash@q3"}

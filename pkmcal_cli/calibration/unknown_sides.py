@@ -18,7 +18,7 @@ from pkmcal_cli.prediction.unknown_sides import side_sigma
 
 
 def with_unknown_sides(problem: Problem, selected: Collection[str] = (), values: Array | None = None) -> Problem:
-    """The problem with the uncertainty of drives in rows without a side; itself where there are none.
+    """The problem with the uncertainty of drives in rows without a side, and no other that it had before.
 
     Reversal errors have their values (P,), or, where these are not known yet, the size that their ranges allow;
     `selected`: parameters that are identified; others count where the machine file gives them a size. Of a long table,
@@ -27,7 +27,7 @@ def with_unknown_sides(problem: Problem, selected: Collection[str] = (), values:
     sizes = _sizes(problem.model, selected, values)
     sigma = side_sigma(problem.model, problem.rows, sizes)
     if sigma is None:
-        return problem if values is None else replace(problem, side_sigma=None)
+        return problem if problem.side_sigma is None else replace(problem, side_sigma=None)
     if len(problem) > LONG:
         return problem.without(np.nonzero(sigma.any(axis=1) & problem.measured.any(axis=1))[0])
     same = problem.side_sigma is not None and np.array_equal(sigma, problem.side_sigma)

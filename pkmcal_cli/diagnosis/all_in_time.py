@@ -30,7 +30,7 @@ def without_imitations(search: Search) -> Search:
         best = _in_time(search, removed, last)
         if best is None or not _is_imitation(search, removed, last, best):
             continue
-        others = replace(search, accepted=tuple(h for h in search.accepted if h not in removed))
+        others = search.accepting((), removed)
         fit = refit(others, {})
         if fit is not None:
             return without_imitations(replace(others, fit=fit))

@@ -240,7 +240,7 @@ def _beside(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis) 
     """The problem with the priors of displacements without a name, and effects beyond their ranges not held by them."""
     for hypothesis in (h for h in accepted if h.name in whole.search.far_off):
         problem = of_any_size(problem, hypothesis)
-    problem = beside_unknown_sides(unheld(problem, accepted), accepted)
+    problem = beside_unknown_sides(unheld(problem, accepted), whole.search.declared, accepted)
     for shape in (s for s in whole.search.shapes if s.hypothesis in accepted):
         problem = shape.beside(problem)
     return problem

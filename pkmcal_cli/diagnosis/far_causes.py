@@ -25,7 +25,7 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate, lost_rows
 from pkmcal_cli.diagnosis.confirm import held_out_gain
 from pkmcal_cli.diagnosis.first_fit import OUT
-from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis, beside_unknown_sides
+from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, linear_problem
 from pkmcal_cli.diagnosis.score import UNUSUAL
 from pkmcal_cli.diagnosis.scoring import FarOff, Search
@@ -257,7 +257,7 @@ def _with(search: Search, hypothesis: Hypothesis, fit: Fit, far_off: FarOff) -> 
     gain = _misfit(search, search.fit) - _misfit(search, fit)
     return replace(
         search,
-        problem=of_any_size(beside_unknown_sides(search.problem, [*search.accepted, hypothesis.whole]), hypothesis),
+        problem=of_any_size(search.accepting([hypothesis.whole]).problem, hypothesis),
         accepted=(*search.accepted, replace(hypothesis.whole, begin=begin)),
         fit=fit,
         p_values=search.p_values | {hypothesis.name: float("nan")},  # no linear test finds it

@@ -256,9 +256,9 @@ def _together(model: Model, single: Sequence[Hypothesis], sessions: tuple[str, .
                 )
 
 
-def beside_unknown_sides(problem: Problem, accepted: Sequence[Hypothesis]) -> Problem:
-    """The problem in whose rows without a side accepted reversal errors are part of the uncertainty."""
-    return with_unknown_sides(problem, {n for h in accepted for n in h.unknown})
+def beside_unknown_sides(problem: Problem, declared: Collection[str], accepted: Sequence[Hypothesis]) -> Problem:
+    """The problem in whose rows without a side reversal errors are part of the uncertainty: declared and accepted."""
+    return with_unknown_sides(problem, {*declared, *(n for h in accepted for n in h.unknown)})
 
 
 def _up_to(members: Sequence[Hypothesis], level: int) -> tuple[str, ...]:

@@ -169,7 +169,7 @@ def _accepted(search: Search, gain: float, removed: Sequence[Hypothesis], shapes
     start = None if candidates.start is None else np.append(candidates.start, np.zeros(len(parameters)))
     kept = tuple(h for h in search.accepted if h not in removed)
     values = np.append(search.fit.values, np.zeros(len(parameters)))
-    problem = replace(search.problem, model=model)
+    problem = replace(search.accepting((), removed).problem, model=model)
     fitted = replace(search, accepted=kept, shapes=()).selected
     refit = best_fit(problem, values, fitted, shape.parameters)
     others = tuple(h for h in candidates.hypotheses if not any(_of_site(shape, p) for p in h.placed))

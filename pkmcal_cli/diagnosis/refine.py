@@ -82,7 +82,7 @@ def confirmed_only(search: Search) -> Search:
         dropped.add(worst)
         better = _confirmed_rival(search, worst, dropped)
         if better is None:
-            others = replace(search, accepted=tuple(h for h in search.accepted if h != worst))
+            others = search.accepting((), [worst])
             fit = refit(others, {})
             if fit is None:
                 return search

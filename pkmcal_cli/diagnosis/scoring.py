@@ -160,7 +160,8 @@ class Search:
     def accepting(self, new: Sequence[Hypothesis], removed: Sequence[Hypothesis] = ()) -> Search:
         """The search, not fitted anew, with further effects in place of some, and of parts of the new ones."""
         rest = [h for h in self.accepted if h not in removed and not any(n.contains(h) for n in new)]
-        return replace(self, accepted=(*rest, *new), problem=beside_unknown_sides(self.problem, (*rest, *new)))
+        accepted = (*rest, *new)
+        return replace(self, accepted=accepted, problem=beside_unknown_sides(self.problem, self.declared, accepted))
 
     @property
     def near(self) -> tuple[Hypothesis, ...]:

@@ -134,7 +134,7 @@ def needed_only(search: Search) -> Search:
         if gain >= least or without.p_values[0] <= search.critical:
             continue
         if gain + float(shape_gains(search, without)[0]) < least:
-            others = replace(search, accepted=tuple(kept))
+            others = search.accepting((), [hypothesis])
             fit = refit(others, {}, search.fit.chi2)
             others = others if fit is None else replace(others, fit=fit)
             variance = without.scale.variance
