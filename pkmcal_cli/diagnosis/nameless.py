@@ -1,8 +1,8 @@
 """Where the catalogue ends: a displacement without a name, where it explains the table and no set of effects does.
 
 It competes with what was accepted by evidence, all together and each alone, and with a smooth field over the pose,
-steps and oscillations in time. At the site of a named effect that explains nearly as much it is this effect's own shape
-and has its name.
+steps and oscillations in time. At the site of a named effect that explains nearly as much it is this effect; where
+this explains most of it, it is in the fit as the effect's own shape, and has its name.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ from pkmcal_cli.model.effect_sites import PlacedEffect
 
 _BETTER = 7.0  # log evidence by which a shape must be better than what it replaces
 _SURE, _LEFT = 1e-6, 1e-3  # chance of the residual, of noise alone, before and after a shape that explains the table
-_OWN_SHARE = 0.82  # share of what a shape explains that a named effect at its site does, whose own shape it is then
+_OWN_SHARE = 0.82  # share of what a shape explains that a named effect at its site does, which is enough then
+_MOST_SHARE = 0.7  # the same, of an effect whose own shape it is
 _LEFT_SHARE = 0.09  # share of what named effects explain that they may leave: shapes deviate by up to 30 %
 _CREDIBLE = 0.95
 
@@ -56,11 +57,12 @@ def with_shape(search: Search, last: Scored) -> Search | None:
     if gain <= _BETTER or _is_left_by_named(search, removed, shapes[0], last):
         return None
     linear = linear_without(search, removed, _alike(search, shapes[0])).prewhitened(last.linear.memory)
-    if _is_named(search, shapes[0], linear):
+    share, named = _at_its_site(search, shapes[0], linear)
+    if share > _OWN_SHARE:
         return None
-    after = _accepted(search, gain, removed, shapes)
+    after = _accepted(search, gain, removed, shapes, named)
     alone = next((way for way in ways if after is not None and _leaves_needless(after, search, way, shapes[0])), None)
-    return after if alone is None else _accepted(search, *alone) or after
+    return after if alone is None else _accepted(search, *alone, named) or after
 
 
 def _leaves_needless(after: Search, before: Search, way: _Way, shape: FittedShape) -> bool:
@@ -87,12 +89,13 @@ def with_all_in_one(search: Search, first: Scored) -> Search:
     if search.accepted or chance_of_noise(linear) > _SURE:
         return search
     shapes = _fitted_shapes(search, (), linear, scale)
-    named = float(first.log_bayes.max(initial=0.0))
-    if not shapes or shapes[0].evidence < named + _BETTER or _is_named(search, shapes[0], linear):
+    best = float(first.log_bayes.max(initial=0.0))
+    if not shapes or shapes[0].evidence < best + _BETTER or not _stands_out(search, shapes[0], linear, scale):
         return search
-    if not _stands_out(search, shapes[0], linear, scale):
+    share, named = _at_its_site(search, shapes[0], linear)
+    if share > _OWN_SHARE:
         return search
-    after = _accepted(search, shapes[0].evidence, (), shapes)
+    after = _accepted(search, shapes[0].evidence, (), shapes, named)
     return search if after is None or chance_of_noise(score_all(after, ()).linear) < _LEFT else after
 
 
@@ -129,10 +132,14 @@ def _removals(search: Search) -> Iterator[tuple[Hypothesis, ...]]:
         yield from ((h,) for h in search.near)
 
 
-def _is_named(search: Search, shape: FittedShape, linear: Linear) -> bool:
-    """Whether a named effect at its site explains nearly all that a shape does."""
-    explained = [linear.explained(linear.of(h.parameters))[0] for h in _alike(search, shape)]
-    return max(explained, default=0.0) > _OWN_SHARE * shape.statistic
+def _at_its_site(search: Search, shape: FittedShape, linear: Linear) -> tuple[float, Hypothesis | None]:
+    """Share of what a shape explains that named effects at its site do, at most; the effect, if that is most of it and
+    the effect may have any curve."""
+    shares = [(linear.explained(linear.of(h.parameters))[0] / shape.statistic, h) for h in _alike(search, shape)]
+    share, best = max(shares, key=lambda pair: pair[0], default=(0.0, None))
+    if best is None or share < _MOST_SHARE or not catalogue()[best.effect].any_curve:
+        return share, None
+    return share, best
 
 
 def _is_left_by_named(search: Search, removed: Sequence[Hypothesis], shape: FittedShape, last: Scored) -> bool:
@@ -160,8 +167,14 @@ def _stands_out(search: Search, shape: FittedShape, linear: Linear, scale: Scale
     return best is None or shape.evidence > best.evidence
 
 
-def _accepted(search: Search, gain: float, removed: Sequence[Hypothesis], shapes: list[FittedShape]) -> Search | None:
-    """The search fitted with the best of some shapes; None where no fit has it."""
+def _accepted(
+    search: Search,
+    gain: float,
+    removed: Sequence[Hypothesis],
+    shapes: list[FittedShape],
+    named: Hypothesis | None,
+) -> Search | None:
+    """The search fitted with the best of some shapes, which a named effect may have; None where no fit has it."""
     shape = shapes[0].placed
     parameters = weights_of(shape)
     model = search.problem.model.with_effects((shape,), parameters)
@@ -176,7 +189,7 @@ def _accepted(search: Search, gain: float, removed: Sequence[Hypothesis], shapes
     weight = np.exp(np.array([f.evidence - shapes[0].evidence for f in shapes]))
     last = int(np.searchsorted(np.cumsum(weight / weight.sum()), _CREDIBLE)) + 1
     rivals = tuple((f.placed.at, float(w)) for f, w in zip(shapes[:last], weight / weight.sum(), strict=False))
-    new = NamelessShape(placed=shape, evidence=gain, places=rivals, best_fit=refit)
+    new = NamelessShape(placed=shape, evidence=gain, places=rivals, best_fit=refit, named=named)
     after = replace(
         search,
         candidates=replace(candidates, model=model, start=start, hypotheses=others),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
 
 from pkmcal_cli.base.stages import Observer, Stage, unobserved
 from pkmcal_cli.calibration.bench_readings import BenchReading
@@ -27,7 +26,6 @@ from pkmcal_cli.diagnosis.far_causes import with_far_causes
 from pkmcal_cli.diagnosis.findings import Finding, findings_of, sizes_seen
 from pkmcal_cli.diagnosis.first_fit import calibrated
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
-from pkmcal_cli.diagnosis.linear import Linear
 from pkmcal_cli.diagnosis.local import local_effects
 from pkmcal_cli.diagnosis.model_discrepancy import discrepancy_columns
 from pkmcal_cli.diagnosis.nameless import with_all_in_one, with_shape
@@ -44,12 +42,11 @@ from pkmcal_cli.diagnosis.search_options import SearchOptions
 from pkmcal_cli.diagnosis.shape_findings import ShapeFinding, nameless_at, shape_findings
 from pkmcal_cli.diagnosis.unknown import TESTS, Unknown, unknown_effects
 from pkmcal_cli.diagnosis.unmodelled import unmodelled_alternatives
+from pkmcal_cli.diagnosis.verdict import Verdict, verdict_of
 from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes
 from pkmcal_cli.prediction import fixed_smoothing
 
-Verdict = Literal["clean", "found", "ambiguous", "unknown", "measurement_fault", "sigma_too_small", "implausible"]
 _SHAPES = 2  # displacements without a name, at most
-_TOO_MUCH = 1e-3  # chance of a residual so large, of noise as it is stated, at which nothing is called clean
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +60,7 @@ class Diagnosis:
     bad_readings: tuple[BenchReading, ...]  # of the bench, not used, against the fit with what was found
     search: Search
     findings: tuple[Finding, ...]
-    shapes: tuple[ShapeFinding, ...]  # displacements without a name; the first of what is unknown
+    shapes: tuple[ShapeFinding, ...]  # displacements with free shapes; those without a name are the first unknown
     unknown: tuple[Unknown, ...]
     noise: tuple[NoiseGrowth, ...]  # by which rows were counted
     first: Scored  # all hypotheses, with nothing accepted
@@ -77,6 +74,16 @@ class Diagnosis:
     weighed: RobustFit | None = None  # by which values were weighed
     mistakes: tuple[str, ...] = ()  # of the table, which was put right before
     implausible: tuple[str, ...] = ()  # why the calibration is not to be believed although no cause was found
+
+    @property
+    def named_shapes(self) -> tuple[ShapeFinding, ...]:
+        """Displacements that are named effects with shapes of their own."""
+        return tuple(s for s in self.shapes if s.named is not None)
+
+    @property
+    def unmodelled(self) -> tuple[Unknown, ...]:
+        """What is unknown, but for displacements without a name, which are in the fit."""
+        return self.unknown[len(self.shapes) - len(self.named_shapes) :]
 
     @cached_property
     def detectable(self) -> tuple[VisibleSizes, ...]:
@@ -155,12 +162,12 @@ def _diagnosis(
     options.observe(Stage("remaining residuals"))
     last, unknown, growth = _left(search, parts)
     shapes = shape_findings(search, last)
-    unknown = (*(s.unknown for s in shapes), *unknown)
+    unknown = (*(s.unknown for s in shapes if s.named is None), *unknown)
     findings = findings_of(search, last, bool(unknown), options)
     good = cleared(begun.every, begun.start, search)
     whole = first.linear if good is begun.start else score_all(good, ()).linear
     return Diagnosis(
-        verdict=_verdict(findings, unknown, bool(search.bad_rows or search.problem.left_out), last.linear),
+        verdict=verdict_of(findings, shapes, unknown, bool(search.bad_rows or search.problem.left_out), last.linear),
         problem=replace(search.problem, model=begun.start.problem.model, prior=begun.start.problem.prior),
         before=begun.every.fit,
         cleared=good.fit,
@@ -281,16 +288,3 @@ def _unknown(search: Search, last: Scored, parts: Alpha) -> list[Unknown]:
     extra = discrepancy_columns(search.problem, search.fit, search.accepted, search.known)
     shaped = last.linear.besides(last.linear.whitened(extra))
     return unknown_effects(shaped, search.problem, last.scale, parts.groups, search.bad_rows)
-
-
-def _verdict(findings: tuple[Finding, ...], unknown: tuple[Unknown, ...], measurement: bool, last: Linear) -> Verdict:
-    """`last`: the problem where all that was found is fitted."""
-    if unknown:
-        return "unknown"
-    if any(f.ambiguous for f in findings):
-        return "ambiguous"
-    if any(not f.hypothesis.measurement for f in findings):
-        return "found"
-    if findings or measurement:
-        return "measurement_fault"
-    return "sigma_too_small" if chance_of_noise(last) < _TOO_MUCH else "clean"

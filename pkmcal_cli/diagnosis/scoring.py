@@ -69,13 +69,14 @@ class FarOff:
 class NamelessShape:
     """A displacement without a name that is in the fit; `evidence`: its log evidence, over that of what it replaced.
 
-    places: where it may be, itself first, with weights; `best_fit`: what it hides in parameters.
+    places: where it may be, with weights; `best_fit`: what it hides in parameters; `named`: the effect that it is.
     """
 
     placed: PlacedEffect
     evidence: float
     places: tuple[tuple[str, float], ...]
     best_fit: BestFit
+    named: Hypothesis | None = None
 
     @property
     def hypothesis(self) -> Hypothesis:
@@ -208,10 +209,8 @@ def nulled(search: Search, removed: Sequence[Hypothesis]) -> tuple[Array, tuple[
     """Values (P,), SI, of the fit where some accepted effects have null value, and what is identified without them."""
     gone = {n for h in removed for n in h.parameters}
     values, model = search.fit.values.copy(), search.problem.model
-    for name in gone:
-        if not name.endswith(".lag"):  # it only shapes what the others do
-            k = model.names.index(name)
-            values[k] = search.null[k]
+    index = [model.names.index(n) for n in gone if not n.endswith(".lag")]  # which only shapes what the others do
+    values[index] = search.null[index]
     return values, tuple(n for n in search.selected if n not in gone)
 
 

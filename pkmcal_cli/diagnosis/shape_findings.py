@@ -25,7 +25,8 @@ class ShapeFinding:
 
     places: where it may be, itself first, with weights; hidden: standard uncertainties, SI, of parameters by what it
     may hide in them; `names`: effects of the catalogue at its place that this table cannot show, and what they need;
-    rms: of the readings that it moves, in stated standard uncertainties; span: of the axis that the table covers.
+    `named`: the effect at its place that has most of it, and whose shape it is; guided: across a guide; rms: of the
+    readings that it moves, in stated standard uncertainties; span: of the axis that the table covers.
     """
 
     hypothesis: Hypothesis
@@ -37,6 +38,8 @@ class ShapeFinding:
     held_out: HeldOutGain
     hidden: Mapping[str, float]
     names: tuple[tuple[str, str], ...]
+    named: Hypothesis | None = None
+    guided: bool = False
 
     @property
     def curve(self) -> Array:
@@ -52,20 +55,30 @@ class ShapeFinding:
 
     @property
     def extremes(self) -> tuple[int, int]:
-        """Knots where it is highest and lowest."""
-        return int(np.argmax(self.curve)), int(np.argmin(self.curve))
+        """Knots where it is highest and lowest; across a guide, from its reference line."""
+        deviation = self._levelled @ self.curve
+        return int(np.argmax(deviation)), int(np.argmin(deviation))
 
     @property
     def height(self) -> tuple[float, float]:
         """From the lowest knot to the highest, m or rad, and the standard uncertainty of this difference.
 
-        The level of the curve, of which data know little beside parameters, is in neither.
+        The level of the curve, of which data know little beside parameters, is in neither; nor is the direction of a
+        guide, which is no straightness (ISO 230-1, deviations from a reference line).
         """
         assert self.shape.covariance is not None
         high, low = self.extremes
-        covariance = self.shape.covariance
-        variance = covariance[high, high] + covariance[low, low] - 2 * covariance[high, low]
-        return float(self.curve[high] - self.curve[low]), float(np.sqrt(max(variance, 0.0)))
+        between = self._levelled[high] - self._levelled[low]
+        return float(between @ self.curve), float(np.sqrt(max(between @ self.shape.covariance @ between, 0.0)))
+
+    @property
+    def _levelled(self) -> Array:
+        """Takes (K, K) the reference line of a guide off a curve at the knots; else nothing."""
+        count = len(self.shape.knots)
+        if not self.guided:
+            return np.eye(count)
+        line = np.vander(np.array(self.shape.knots), 2)
+        return np.eye(count) - line @ np.linalg.pinv(line)
 
     @property
     def depends_on(self) -> str:
@@ -110,6 +123,8 @@ def _finding(search: Search, nameless: NamelessShape, last: Scored) -> ShapeFind
         held_out=held_out_gain(search, nameless.hypothesis),
         hidden=hidden,
         names=tuple(_could_be(search, nameless, place)),
+        named=nameless.named,
+        guided=nameless.placed.effect.enters == "guide",
     )
 
 

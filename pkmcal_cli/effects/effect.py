@@ -210,6 +210,7 @@ class Effect:
     weighty: bool = False  # acts by gravity: nothing without it
     negative: str = ""  # what a size below 0 is, where that is not what the title says
     nowhere: str = ""  # why it acts at none of its places, where that may be
+    any_curve: bool = False  # over the travel, by definition: its formula is only the usual one
     proportional: bool = False  # to the travel: what bends it more than a little has another name
 
     def used(self, planar: bool) -> tuple[EffectParameter, ...]:

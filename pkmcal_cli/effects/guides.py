@@ -35,6 +35,7 @@ STRAIGHT = Effect(
     formula=_straightness,
     options=(OVER,),
     common=False,
+    any_curve=True,
     cause="The guide {at} is not straight.",
     result="Carriages on {at} deviate from a straight line by a smooth curve.",
     action="Measure {at} with a straightedge or laser; align it or compensate for it.",

@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 
 from pkmcal_cli.base.plural import count
+from pkmcal_cli.diagnosis.confirm import HeldOutGain
 from pkmcal_cli.diagnosis.experiment_design import ALIKE
 from pkmcal_cli.diagnosis.far_causes import run_off
 from pkmcal_cli.diagnosis.findings import Finding
 from pkmcal_cli.diagnosis.groups import POSE
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
+from pkmcal_cli.diagnosis.shape_findings import ShapeFinding
 from pkmcal_cli.diagnosis.stability import STABLE
 from pkmcal_cli.diagnosis.unknown import Unknown
 from pkmcal_cli.diagnosis.warming import TOGETHER, of_warming, warming
@@ -63,7 +65,7 @@ class DiagnosisReport(VisibilityReport):
         for shape in self.diagnosis.shapes:
             to.say()
             to.say(ShapeText(self.machine, self.shaped_model, shape, self.error_unit).sentence())
-        for unknown in self.diagnosis.unknown[len(self.diagnosis.shapes) :]:
+        for unknown in self.diagnosis.unmodelled:
             to.say()
             to.say(self.unknown_text(unknown))
         if self.diagnosis.verdict in ("clean", "sigma_too_small"):
@@ -74,8 +76,9 @@ class DiagnosisReport(VisibilityReport):
         """Tables of what was found, in the machine and in the measurement; rows that are wrong."""
         machine = [f for f in self.diagnosis.findings if not f.hypothesis.measurement]
         instrument = [f for f in self.diagnosis.findings if f.hypothesis.measurement]
-        self._show_table(to, "Causes", machine)
-        self._show_table(to, "Check the measurement first", instrument)
+        shapes = [self._shape_row(s, s.named) for s in self.diagnosis.shapes if s.named is not None]
+        self._show_table(to, "Causes", [*map(self._row, machine), *shapes])
+        self._show_table(to, "Check the measurement first", [*map(self._row, instrument)])
         self.show_readings(to)
         for row in self.diagnosis.bad_rows:
             to.say(f"bad row: {self.measured.row_origin(row)}: not used; repeat this pose")
@@ -86,13 +89,14 @@ class DiagnosisReport(VisibilityReport):
     def verdict_line(self) -> str:
         """What the data say; in a second line, by which figures."""
         diagnosis = self.diagnosis
+        named = len(diagnosis.findings) + len(diagnosis.named_shapes)
         depends = ", ".join(dict.fromkeys(u.depends_on for u in diagnosis.unknown))
         words = {
             "clean": "the residuals agree with the stated noise",
             "sigma_too_small": _LIKE_NOISE if self.only is None else _NOT_AMONG,
             "found": _BEYOND
             if any(f.beyond for f in diagnosis.findings)
-            else f"found {count(len(diagnosis.findings), 'effect')} that the model lacks{self._far_off()}",
+            else f"found {count(named, 'effect')} that the model lacks{self._far_off()}",
             "ambiguous": "the model lacks an effect; several effects explain the residuals equally well",
             "unknown": f"unknown; depends on {depends}, and matches no effect {_of(self.only)}{self._nameless()}",
             "measurement_fault": "the measurement is at fault",
@@ -123,7 +127,7 @@ class DiagnosisReport(VisibilityReport):
 
     def _nameless(self) -> str:
         """Displacements without a name, and steps in time, that stand for what is unknown."""
-        names = [shape.hypothesis.name for shape in self.diagnosis.shapes]
+        names = [shape.hypothesis.name for shape in self.diagnosis.shapes if shape.named is None]
         names += [f"a {u.hint}" for u in self.diagnosis.unknown if u.row is not None]
         return f"; {listed(names, 3)} describes it" if names else ""
 
@@ -137,26 +141,33 @@ class DiagnosisReport(VisibilityReport):
         known = self.diagnosis.verdict != "unknown"
         return "provisional: " if known and any(f.provisional for f in self.diagnosis.findings) else ""
 
-    def _show_table(self, to: Reporter, title: str, findings: Sequence[Finding]) -> None:
-        if not findings:
+    def _row(self, finding: Finding) -> tuple[str, ...]:
+        rivals = [r.hypothesis.name for r in finding.rivals if r.hypothesis != finding.hypothesis]
+        return (
+            self.title(finding.hypothesis),
+            finding.hypothesis.at,
+            self.size(finding),
+            _share(finding),
+            self._held_out(finding.held_out),
+            _words(finding.evidence),
+            listed(rivals, 2),
+            "provisional" if finding.provisional else "",
+        )
+
+    def _shape_row(self, shape: ShapeFinding, named: Hypothesis) -> tuple[str, ...]:
+        """The row of an effect with a shape of its own."""
+        size = ShapeText(self.machine, self.shaped_model, shape, self.error_unit).height()
+        others = [at for at, _ in shape.places[1:]]
+        held, words = self._held_out(shape.held_out), _words(shape.evidence)
+        return (f"{self.title(named)}, shape of its own", named.at, size, "", held, words, listed(others, 2), "")
+
+    def _held_out(self, held: HeldOutGain) -> str:
+        return f"{self.error(held.without)} -> {self.error(held.with_it)}"
+
+    def _show_table(self, to: Reporter, title: str, rows: Sequence[tuple[str, ...]]) -> None:
+        if not rows:
             return
         to.say()
-        rows = []
-        for finding in findings:
-            rivals = [r.hypothesis.name for r in finding.rivals if r.hypothesis != finding.hypothesis]
-            held = finding.held_out
-            rows.append(
-                (
-                    self.title(finding.hypothesis),
-                    finding.hypothesis.at,
-                    self.size(finding),
-                    _share(finding),
-                    f"{self.error(held.without)} -> {self.error(held.with_it)}",
-                    _words(finding.evidence),
-                    listed(rivals, 2),
-                    "provisional" if finding.provisional else "",
-                )
-            )
         headers = ("effect", "at", "size", "share", "held-out rms", "evidence", "alternatives", "")
         to.table(title, headers, rows, left=2, folded=("effect", "alternatives"), spare=("share", "evidence"))
 

@@ -62,13 +62,16 @@ class ImprovedFiles:
         step = next(s for s in improvement.steps if s.hypothesis == hypothesis)
         shapes = {s.hypothesis.name: s.evidence for s in improvement.whole.search.shapes}
         evidence = (improvement.whole.search.evidence | shapes)[hypothesis.name]
-        doubt = "PROVISIONAL, its cause is unknown; " if hypothesis.name in shapes else ""
+        named = {s.hypothesis.name: s.named for s in improvement.whole.shapes}
+        cause = named.get(hypothesis.name)
+        doubt = "PROVISIONAL, its cause is unknown; " if hypothesis.name in named and cause is None else ""
         doubt = "PROVISIONAL, an unknown effect remains; " if improvement.left else doubt
         remark = f"{doubt}log evidence {evidence:.1f}, selected in {step.chosen} of {improvement.rotations} rotations"
         if rivals := self.rivals(hypothesis):
             remark += f"; cannot be separated from {rivals}"
+        title = _title(cause or hypothesis)
         lines = [
-            f"  # {_title(hypothesis)}: {remark}{validity(self.model, improvement.problem.rows)}",
+            f"  # {title}: {remark}{validity(self.model, improvement.problem.rows)}",
             f"  {effect_key(part)}:",
         ]
         if hypothesis.effect == UNEXPLAINED:

@@ -194,7 +194,8 @@ class ImprovementReport(ImprovedFiles):
         if not improvement.confirmed:
             why = f"\n{interval}" if improvement.accepted else ""
             return f"NOT IMPROVED: no effect is confirmed by rows used neither for fitting nor for selection{only}{why}"
-        names = ", ".join(h.name for h in improvement.accepted)
+        shapes = {s.hypothesis: f" ({s.named.name})" for s in improvement.whole.shapes if s.named is not None}
+        names = ", ".join(f"{h.name}{shapes.get(h, '')}" for h in improvement.accepted)
         return f"improved by {names}{self._doubt()}\n{interval}"
 
     def _doubt(self) -> str:
@@ -202,7 +203,7 @@ class ImprovementReport(ImprovedFiles):
         depends = listed(list(dict.fromkeys(u.depends_on for u in self.improvement.left)), 3)
         if depends:
             return f"; provisional: an unknown effect that depends on {depends} may be the true cause"
-        shapes = [s.hypothesis.name for s in self.improvement.whole.shapes]
+        shapes = [s.hypothesis.name for s in self.improvement.whole.shapes if s.named is None]
         return f"; provisional: the cause of {listed(shapes, 3)} is unknown" if shapes else ""
 
 

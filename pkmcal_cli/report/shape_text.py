@@ -11,13 +11,15 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.error_budget import ErrorBudget
 from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.scoring import NamelessShape
 from pkmcal_cli.diagnosis.shape_findings import ShapeFinding, known_shape
+from pkmcal_cli.effects import catalogue
 from pkmcal_cli.effects.unexplained import place_and_axis
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.report.number_format import finite, readable
-from pkmcal_cli.report.sentences import listed
+from pkmcal_cli.report.sentences import cause_effect_action, listed
 from pkmcal_cli.units.file_units import ANGLE, LENGTH, TIME, FileUnits
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
@@ -41,20 +43,21 @@ class ShapeText:
     def _over(self) -> str:
         return "time" if place_and_axis(self.finding.hypothesis.at)[1] == "time" else "its travel"
 
-    def size(self) -> str:
-        """From its lowest place to its highest, whatever its level."""
+    def height(self) -> str:
+        """From its lowest place to its highest, whatever its level, with its 95 % interval."""
         height, std = self.finding.height
-        size = f"{readable(height, self.deviation)} +- {readable(2 * std, self.deviation, like=height)}"
+        return f"{readable(height, self.deviation)} +- {readable(2 * std, self.deviation, like=height)}"
+
+    def size(self) -> str:
+        """The same, and where that is."""
         high, low = (self.along.format(self.finding.shape.knots[k], 4) for k in self.finding.extremes)
-        return f"{size} from {low} (lowest) to {high} (highest)"
+        line = " off a straight line" if self.finding.guided else ""
+        return f"{self.height()}{line} from {low} (lowest) to {high} (highest)"
 
     def sentence(self) -> str:
         """What it is, how far it helps, what it hides, what would give it a name."""
         finding = self.finding
-        lines = [
-            f"{finding.hypothesis.name}: Cause: unknown. {self._place} deviates over {self._over} by a curve that no "
-            f"effect of the catalogue has: {self.size()} (95 %). Effect: {self._gain()}"
-        ]
+        lines = [f"{self._cause()} {self.size()} (95 %). Effect: {self._gain()}"]
         if len(finding.places) > 1:
             others = [f"{at} ({100 * weight:.0f} %)" for at, weight in finding.places]
             lines.append(f"It may be at any of: {listed(others, _MOST)}.")
@@ -62,6 +65,20 @@ class ShapeText:
             lines.append(f"Beside it, parameters are those of best fit; it may hide {hidden} (standard uncertainty).")
         lines.append(f"Action: {self._action()}")
         return " ".join(lines)
+
+    def _cause(self) -> str:
+        name = self.finding.hypothesis.name
+        if self.finding.named is None:
+            lead = f"{name}: Cause: unknown. {self._place} deviates over {self._over} by a curve"
+            return f"{lead} that no effect of the catalogue has:"
+        cause, _, _ = self._words(self.finding.named)
+        lead = f"{self.finding.named.name}, with a shape of its own ({name}): Cause: {cause} Over {self._over}"
+        return f"{lead} {self._place} deviates by a curve of which the catalogue's is most but not all:"
+
+    def _words(self, named: Hypothesis) -> tuple[str, str, str]:
+        """Cause, result and action of the effect whose shape it is."""
+        size = readable(self.finding.height[0], self.deviation)
+        return cause_effect_action(catalogue()[named.effect], named.at, size)
 
     def _gain(self) -> str:
         held = self.finding.held_out
@@ -84,6 +101,8 @@ class ShapeText:
             by_need.setdefault(needs, []).append(keyword)
         asked = [f"{needs} (shows {listed(sorted(keywords), _MOST)})" for needs, keywords in by_need.items()]
         log = f" Add to the table: {'; '.join(asked)}." if asked else ""
+        if self.finding.named is not None:
+            return f"{self._words(self.finding.named)[2]}{log}"
         if self._over == "time":
             return f"Log temperatures of more parts, and home {self._place} again at intervals.{log}"
         step = self.along.format(self.finding.shape.width / _STEPS, 2)
@@ -107,6 +126,7 @@ class ShapeText:
             "spread": finding.shape.spread / deviation.scale,
             "width": finding.shape.width / along.scale,
             "evidence": finite(finding.evidence),
+            "effect": None if finding.named is None else finding.named.name,
             "places": [{"at": at, "weight": weight} for at, weight in finding.places],
             "heldout_rms": finite(held.with_it / self.errors.scale),
             "heldout_rms_without": finite(held.without / self.errors.scale),

@@ -48,7 +48,7 @@ def causes(results: Results) -> Section | None:
     blocks += effects(results)
     for shape in report.diagnosis.shapes:
         blocks.append(Text(ShapeText(report.machine, report.shaped_model, shape, report.error_unit).sentence()))
-    for unknown in report.diagnosis.unknown[len(report.diagnosis.shapes) :]:
+    for unknown in report.diagnosis.unmodelled:
         blocks.append(Text(report.unknown_text(unknown)))
     blocks += [b for b in (_indistinguishable(report), _correlations(results)) if b is not None]
     return section("causes", "Causes", blocks)

@@ -14,7 +14,8 @@ from pkmcal_cli.calibration.error_budget import error_budget, held_parameters
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.plausible import implausible_residuals, implausible_rows, implausible_values
 from pkmcal_cli.calibration.range_check import range_check
-from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis, Verdict, diagnose
+from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis, diagnose
+from pkmcal_cli.diagnosis.verdict import Verdict
 from pkmcal_cli.loading.poses import origin_of
 from pkmcal_cli.pictures.picture import Picture
 from pkmcal_cli.pictures.titles import Titles, titles

@@ -27,12 +27,15 @@ def held_out(case: Case, d: Diagnosis) -> dict[str, float]:
     model = frozen(d.search.candidates.model, fitted.rows)
     other = case.measured(stream=1)
     there = replace(ready(other).problem, model=model, readings=other.true_readings)
-    hypotheses = {h.name: h for h in d.search.candidates.hypotheses}
+    hypotheses = {h.name: h for h in d.first.hypotheses}
     planted = [hypotheses[d.same.get(x.name, x.name)] for x in case.drawn]
     declared = _selected(d, planted)
-    floor = identify(fitted, declared, d.search.fit.values)
+    start = d.search.fit.values.copy()
+    start[[model.names.index(n) for s in d.shapes for n in s.hypothesis.parameters]] = 0.0
+    before = np.concatenate([d.before.values, np.zeros(len(start) - len(d.before.values))])
+    floor = identify(fitted, declared, start)
     return {
-        "before": _rms(there, d.before.values),
+        "before": _rms(there, before),
         "after": _rms(there, d.search.fit.values),
         "floor": _rms(there, floor.values),
         "noise": _noise(there, floor.values, declared, floor.covariance),

@@ -11,6 +11,7 @@ import numpy as np
 
 from pkmcal_cli.diagnosis.findings import Finding
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
+from pkmcal_cli.diagnosis.shape_findings import ShapeFinding
 from tests.benchmark.baselines import baselines
 from tests.benchmark.cases import Case
 from tests.benchmark.draw import joint_sizes
@@ -25,6 +26,7 @@ RULES = """
   effect was planted at each; else it is another name. A further finding counts as a *shape residue*, not as an extra,
   if it enters at the same place as a planted effect, in the same way (drive, guide, carriage, length), and needs the
   same columns. The simulator's effects differ from the catalogue's shapes by 10 to 25 %.
+  Effects that are named with a shape of their own count as found.
 - **in set**: the planted effect is in the 95 % credible set of a finding.
 - **wrong element**: a finding is the planted keyword at another place, its credible set has one member, and the true
   effect is not found.
@@ -95,7 +97,7 @@ def judged(case: Case) -> Result:
     rows = {"bad": len(bad), "found": len(bad & called), "good": len(measured.outlier) - len(bad)}
     return Result(
         **head,
-        found=[_finding(f) for f in d.findings],
+        found=[*map(_finding, d.findings), *map(_shape, d.named_shapes)],
         unknown=[(u.depends_on, float(u.p_value), u.hint) for u in d.unknown],
         bad_rows=sorted(called),
         verdict=d.verdict,
@@ -165,6 +167,14 @@ def _finding(f: Finding) -> dict[str, Any]:
     }
 
 
+def _shape(s: ShapeFinding) -> dict[str, Any]:
+    """A named effect with a shape of its own; it has no parameters."""
+    assert s.named is not None
+    sets = [(f"{s.named.effect}@{at}", weight) for at, weight in s.places]
+    kinds = {"measurement": False, "beyond": False, "provisional": False, "confirmed": s.held_out.confirmed}
+    return {"name": s.named.name, "parameters": {}, "evidence": s.evidence, "set": sets, "own_shape": True} | kinds
+
+
 def outcome_of(case: Case, d: Diagnosis) -> tuple[str, int]:
     """The outcome in a word, and how many findings are shape model discrepancies."""
     named = named_by(case, d)
@@ -189,7 +199,8 @@ def truths_of(case: Case) -> set[str]:
 
 def named_by(case: Case, d: Diagnosis) -> list[str]:
     """What the findings name; a group with values of its own names its members, if all of them were planted."""
-    return [n for f in d.findings for n in sorted(covered(f.hypothesis, truths_of(case)))]
+    found = [n for f in d.findings for n in sorted(covered(f.hypothesis, truths_of(case)))]
+    return [*found, *(s.named.name for s in d.named_shapes if s.named is not None)]
 
 
 def _misnamed(case: Case, d: Diagnosis) -> str:

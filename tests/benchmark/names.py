@@ -21,6 +21,7 @@ def in_set(drawn: Drawn, d: Diagnosis, truths: Collection[str]) -> bool:
     """Whether a planted effect is in the credible set of a finding: by its name, or in a group of effects that all
     were planted."""
     names = {n for f in d.findings for r in f.rivals for n in covered(r.hypothesis, truths)}
+    names |= {s.named.name for s in d.named_shapes if s.named is not None}
     return bool(names & names_of(drawn, d))
 
 

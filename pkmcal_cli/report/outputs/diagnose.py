@@ -114,14 +114,16 @@ unknown[].largest.z number: in space
 unknown[].largest.size number?: size at that position, in `unit`
 unknown[].largest.unit text:
 unknown[].largest.explained number?: share of the variance that the map explains on held-out cells
-unexplained[].name text: a displacement without a name, `unexplained@PLACE`; the first ones of `unknown`, whose `hint`
-    is this name
+unexplained[].name text: a displacement with a free shape, `unexplained@PLACE`; those without an `effect` are the first
+    ones of `unknown`, whose `hint` is this name
+unexplained[].effect text?: the effect of the catalogue whose shape it is for the most part; null: it has no name
 unexplained[].at text: drive or guide, with `:time` where it depends on time
 unexplained[].knots[] number?: places on its axis, in `knots_unit`
 unexplained[].knots_unit text:
 unexplained[].values[] number?: deviation at the knots, in `unit`
 unexplained[].std[] number?: standard uncertainties of these, with what parameters imitate
-unexplained[].height number?: from its lowest knot to its highest, whatever its level
+unexplained[].height number?: from its lowest knot to its highest, whatever its level; across a guide, off the line
+    that fits it best
 unexplained[].height_std number?: standard uncertainty of this difference
 unexplained[].unit text:
 unexplained[].spread number?: likeliest standard deviation of such a shape, in `unit`
