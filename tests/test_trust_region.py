@@ -7,6 +7,8 @@ import pytest
 
 from pkmcal_cli.calibration.trust_region import Region, confined
 
+NOTHING = np.zeros(2)  # residuals
+
 
 @pytest.mark.parametrize("seed", range(5))
 def test_a_confined_step_is_the_best_one_within_the_radius(seed: int) -> None:
@@ -34,12 +36,12 @@ def test_a_step_is_never_longer_than_the_radius(radius: float) -> None:
 
 def test_what_readings_no_longer_feel_moves_no_further_than_before() -> None:
     """The second parameter hardly moves the readings where the first step led."""
-    region = Region().at(np.diag([1.0, 2.0]))
-    assert region.at(np.diag([5.0, 1e-6])).size == pytest.approx([5.0, 2.0])
+    region = Region().at(np.diag([1.0, 2.0]), NOTHING)
+    assert region.at(np.diag([5.0, 1e-6]), NOTHING).size == pytest.approx([5.0, 2.0])
 
 
 def test_a_step_that_keeps_its_promise_widens_and_one_that_is_refused_narrows() -> None:
-    region = Region().at(np.eye(2)).narrowed()
+    region = Region().at(np.eye(2), NOTHING).narrowed()
     step = np.array([region.radius, 0.0])
     assert region.taken(step, 1.0).radius > region.radius > region.taken(step, 0.1).radius > 0.0
     assert region.taken(step, 0.5).radius == region.radius
@@ -50,7 +52,7 @@ def test_a_step_that_keeps_its_promise_widens_and_one_that_is_refused_narrows() 
 
 def test_steps_are_free_until_a_far_one_keeps_little() -> None:
     """Such a step is taken back, and those that follow are confined; one that fails is only damped."""
-    region = Region().at(np.eye(2))
+    region = Region().at(np.eye(2), NOTHING)
     far, near = np.array([1e6, 0.0]), np.array([1.0, 0.0])
     assert region.radius == np.inf and region.doubts(far, 0.5)
     assert not region.doubts(far, 0.9) and not region.doubts(near, 0.1)

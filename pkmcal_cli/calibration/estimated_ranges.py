@@ -51,7 +51,7 @@ def with_estimated_ranges(problem: Problem, fit: Fit, start: Array, factors: Arr
 
 
 def centred(problem: Problem, values: Array, start: Array, spectrum: Directions) -> Array:
-    """Values (P,) with weak directions about nominal, null ones as at the start (P,)."""
+    """Values (P,) with weak directions about nominal, null ones as at the start (P,), within bounds."""
     index = [problem.model.names.index(n) for n in spectrum.names]
     nominal, held = problem.model.nominal[index], spectrum.held
     way = np.where(spectrum.weak[:, None], nominal - values[index], (start - values)[index])
@@ -59,4 +59,6 @@ def centred(problem: Problem, values: Array, start: Array, spectrum: Directions)
     unseen = spectrum.vectors[held]  # (k, p)
     out = values.copy()
     out[index] += unseen.T @ (unseen * way[held]).sum(axis=1) * spectrum.ranges
+    low, high = np.array([problem.model.parameters[k].bounds for k in index]).reshape(-1, 2).T
+    out[index] = np.clip(out[index], low, high)  # else no row may have a prediction
     return out

@@ -18,6 +18,7 @@ from pkmcal_cli.calibration.condensed import condensed, evaluate_condensed
 from pkmcal_cli.calibration.identifiability import directions
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, Linearised, chi_square
+from pkmcal_cli.calibration.second_order import SecondOrder
 from pkmcal_cli.calibration.trust_region import Region, confined
 from pkmcal_cli.units.measurands import Measurand
 
@@ -26,6 +27,7 @@ _GAIN = 1e-11  # ... or lower chi-square by less than this share, or by less tha
 _MUCH = 100.0  # damping at which a fit that is far off has lost its way
 _HEAVY = 1e9  # damping that leaves the drives' errors where they are
 _LIGHT = 1e-9  # of damping for parameters, as a share of the largest squared column of the scaled Jacobian
+_SHOWN = 1e3  # times rounding that a step must promise to show second derivatives
 _ROUNDING = 1e-15  # of a predicted reading, as a share of the machine's size or of the reading
 
 
@@ -65,24 +67,25 @@ def advance(
     rounding does, or by a negligible share; "no_descent": no step of any length lowers it, as the prediction fails
     there, or none that needs little damping where chi-square is above `hopeless`.
     """
-    region = region.at(near.jacobian * scale.ranges)
-    full = _step(scale, evaluation.values[scale.index], near, near)
+    place = (near.jacobian * scale.ranges, near.residual)  # (m, p), (m,)
+    region = region.at(*place)
+    full = _step(scale, evaluation.values[scale.index], near, near, region.bent)
     blur = _blur(problem, near.chi2)
-    hoped = near.chi2 - near.expected(full * scale.ranges)
+    hoped = near.chi2 - near.expected(full * scale.ranges) - region.bent.added(full)
     if end := _end(full, hoped, near.chi2, blur):
         last = _moved(problem, scale, evaluation, near, full, compare)
         return (last if last.solved else evaluation), region, end
     while True:
         damped = condensed(problem, evaluation, region.damping) if region.damping > 0.0 else near
-        free = region.damping == 0.0 and region.length(full) <= region.radius
-        step = full if free else _step(scale, evaluation.values[scale.index], near, damped, region)
+        step = full if region.holds(full) else _step(scale, evaluation.values[scale.index], near, damped, region.bent, region)
         if np.abs(step).max() < _STEP if len(step) else region.damping > _HEAVY:
             return evaluation, region, "no_descent"
         trial = _moved(problem, scale, evaluation, damped, step, compare)
         if trial.solved and (gained := near.chi2 - chi_square(problem, trial)) >= -blur:
-            kept = _share(gained, near.chi2 - damped.expected(step * scale.ranges))
+            linear = near.chi2 - damped.expected(step * scale.ranges)
+            kept = _share(gained, linear - region.bent.added(step))
             if not region.doubts(step, kept):
-                return trial, region.taken(step, kept), ""
+                return trial, region.taken(step, kept).remembering(step, place, gained, linear, _SHOWN * blur), ""
             region = region.narrowed()
             continue
         region = region.refused(step)
@@ -127,10 +130,19 @@ def _moved(
     return evaluate_condensed(problem, values, scale.names, evaluation.start, shift, compare)
 
 
-def _step(scale: Scaled, values: Array, near: Linearised, damped: Linearised, region: Region | None = None) -> Array:
+def _step(
+    scale: Scaled,
+    values: Array,
+    near: Linearised,
+    damped: Linearised,
+    bent: SecondOrder,
+    region: Region | None = None,
+) -> Array:
     """Minimum-norm step (p,) in range units within bounds, the directions that `near` determines, and the region."""
     light = 0.0 if region is None else region.damping * _LIGHT * float(np.square(region.size).max(initial=0.0))
     p, r, jacobian = len(values), damped.residual, damped.jacobian * scale.ranges
+    if bent.rows is not None:
+        jacobian, r = np.vstack([jacobian, bent.rows]), np.concatenate([r, np.zeros(len(bent.rows))])
     step = np.zeros(p)
     if not p:
         return step

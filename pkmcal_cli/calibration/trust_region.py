@@ -7,12 +7,13 @@ lead, but did before, does not run away.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.second_order import SecondOrder
 
 _FIRST = 3.0  # ranges of all parameters, to which a step is confined that is taken back
 _POOR, _HALF, _GOOD = 0.25, 0.5, 0.75  # of the gain in chi-square that the linear problem promises
@@ -25,20 +26,34 @@ _FARTHEST = 1e-16  # of the largest squared singular value: the least damping th
 class Region:
     """Radius, and what a range of each parameter (p,) moves the readings, both in standard uncertainties.
 
-    damping: weight that holds the drives' errors where they are, and in a small share the parameters.
+    damping: weight that holds the drives' errors where they are, and in a small share the parameters; bent: what second
+    derivatives add, once a step has kept little.
     """
 
     size: Array | float = 0.0
     radius: float = np.inf
     damping: float = 0.0
+    bent: SecondOrder = field(default_factory=SecondOrder)
 
-    def at(self, jacobian: Array) -> Region:
-        """Where readings, whitened, have these derivatives (m, p) by parameters in ranges."""
-        return replace(self, size=np.maximum(self.size, np.linalg.norm(jacobian, axis=0)))
+    def at(self, jacobian: Array, residual: Array) -> Region:
+        """Where readings, whitened, have these derivatives (m, p) by parameters in ranges, and residuals (m,)."""
+        size = np.maximum(self.size, np.linalg.norm(jacobian, axis=0))
+        return replace(self, size=size, bent=self.bent.at(jacobian, residual))
+
+    def remembering(self, step: Array, before: tuple[Array, Array], gained: float, linear: float, shown: float) -> Region:
+        """With what the next place tells of second derivatives, once they matter: after a step (p,) from whitened
+        derivatives and residuals `before`, and the gain that they promised. A gain of less than `shown` shows nothing."""
+        if linear <= shown or (gained >= _HALF * linear and self.bent.matrix is None):
+            return self
+        return replace(self, bent=self.bent.after(step, *before, gained, linear))
 
     def length(self, step: Array) -> float:
         """Of a step (p,) in ranges."""
         return float(np.linalg.norm(self.size * step))
+
+    def holds(self, step: Array) -> bool:
+        """Whether a step (p,) may be taken whole."""
+        return self.damping == 0.0 and self.length(step) <= self.radius
 
     def doubts(self, step: Array, kept: float) -> bool:
         """Whether to take back a step (p,) that kept this share of its promise: the first far one that kept little."""

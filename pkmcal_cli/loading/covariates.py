@@ -58,11 +58,19 @@ def _measured_order(rows: Rows) -> NDArray[np.intp]:
 def at_rest(model: Model, rows: Rows) -> Rows:
     """Rows of positions that nobody measured: columns that declared effects need, where these do nothing or little.
 
-    20 degC, no payload, spindle and time at 0; directions of approach by the order of the rows.
+    20 degC, no payload, spindle and time at 0; directions of approach by the order of the rows. Parts that lag behind
+    their temperatures have settled.
     """
     columns = {name: np.full(len(rows), value) for name, value, _ in _resting(model).values()}
+    if lagging(model):
+        columns["time"] = np.zeros(len(rows))
     named = with_directions(rows, [a.name for a in model.actuators])
     return replace(rows, columns={**named.columns, **columns})
+
+
+def lagging(model: Model) -> bool:
+    """Whether a part lags behind its temperature, which takes the time of each row."""
+    return any(p.name == "lag" for e in model.effects if e.sites for p in e.effect.parameters)
 
 
 def reference_conditions(model: Model, names: Collection[str]) -> tuple[dict[str, float], str]:

@@ -11,7 +11,7 @@ from pkmcal_cli.base.errors import BadInput, Location, UsageError
 from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.language.tool_point import ToolPoint
-from pkmcal_cli.loading.covariates import reference_conditions, with_covariates, without_effect
+from pkmcal_cli.loading.covariates import lagging, reference_conditions, with_covariates, without_effect
 from pkmcal_cli.loading.grid import parse_grid, spread_count, spread_over
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.loading.poses import RowOrigin, origin_of
@@ -81,9 +81,8 @@ def read_targets(
 
 def _time_note(loaded: LoadedMachine, columns: Mapping[str, Array]) -> str:
     """What is to be said where parts lag behind temperatures that never change, and nobody gives the time."""
-    lagging = any(p.name == "lag" for e in loaded.model.effects if e.sites for p in e.effect.parameters)
     felt = [column for name, column in columns.items() if name.partition(".")[0] == "T"]
-    if not lagging or "time" in columns or any(np.ptp(column) > 0 for column in felt):
+    if not lagging(loaded.model) or "time" in columns or any(np.ptp(column) > 0 for column in felt):
         return ""
     return "no column `time`: all parts have settled at their temperatures"
 
