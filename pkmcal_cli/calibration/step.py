@@ -68,8 +68,8 @@ def advance(
     there, or none that needs little damping where chi-square is above `hopeless`.
     """
     place = (near.jacobian * scale.ranges, near.residual)  # (m, p), (m,)
-    region = region.at(*place)
-    full = _step(scale, evaluation.values[scale.index], near, near, region.bent)
+    region, values = region.at(*place), evaluation.values[scale.index]
+    full = _step(scale, values, near, near, region.bent)
     blur = _blur(problem, near.chi2)
     hoped = near.chi2 - near.expected(full * scale.ranges) - region.bent.added(full)
     if end := _end(full, hoped, near.chi2, blur):
@@ -77,7 +77,7 @@ def advance(
         return (last if last.solved else evaluation), region, end
     while True:
         damped = condensed(problem, evaluation, region.damping) if region.damping > 0.0 else near
-        step = full if region.holds(full) else _step(scale, evaluation.values[scale.index], near, damped, region.bent, region)
+        step = full if region.holds(full) else _step(scale, values, near, damped, region.bent, region)
         if np.abs(step).max() < _STEP if len(step) else region.damping > _HEAVY:
             return evaluation, region, "no_descent"
         trial = _moved(problem, scale, evaluation, damped, step, compare)

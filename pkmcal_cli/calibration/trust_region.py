@@ -40,9 +40,11 @@ class Region:
         size = np.maximum(self.size, np.linalg.norm(jacobian, axis=0))
         return replace(self, size=size, bent=self.bent.at(jacobian, residual))
 
-    def remembering(self, step: Array, before: tuple[Array, Array], gained: float, linear: float, shown: float) -> Region:
+    def remembering(
+        self, step: Array, before: tuple[Array, Array], gained: float, linear: float, shown: float
+    ) -> Region:
         """With what the next place tells of second derivatives, once they matter: after a step (p,) from whitened
-        derivatives and residuals `before`, and the gain that they promised. A gain of less than `shown` shows nothing."""
+        derivatives and residuals `before`, and the gain that they promised. Less than `shown` shows nothing."""
         if linear <= shown or (gained >= _HALF * linear and self.bent.matrix is None):
             return self
         return replace(self, bent=self.bent.after(step, *before, gained, linear))
