@@ -40,11 +40,12 @@ def test_along_a_step_it_is_the_curvature_that_the_linear_problem_lacks() -> Non
     np.testing.assert_allclose(np.trace(bent.positive.T @ bent.positive), values[values > 0].sum())
 
 
-def test_it_is_used_while_it_foretells_gains_better() -> None:
+def test_it_is_used_until_the_linear_problem_foretells_gains_clearly_better() -> None:
     step, rows = np.array([1.0, 0.0, 0.0]), np.array([[0.8, 0.0, 0.0]])
     bent = SecondOrder(np.diag([0.64, 0.0, 0.0]), rows)
     assert bent.added(step) == pytest.approx(0.64)
     assert bent.after(step, *place(step), gained=0.3, linear=1.0).rows is rows
+    assert bent.after(step, *place(step), gained=0.66, linear=1.0).rows is rows, "hardly worse"
     linear = bent.after(step, *place(step), gained=0.95, linear=1.0)
     assert linear.rows is None and linear.added(step) == 0.0
 

@@ -3,7 +3,7 @@
 Where residuals are large beside what a parameter does (a time constant that the data hardly show), Gauss-Newton steps
 overshoot and oscillate. The secant update of NL2SOL (Dennis, Gay and Welsch 1981) estimates the second-order part S of
 the Hessian J^T J + S from Jacobians that are known anyway. Only its positive part is used, which shortens steps, and
-only after steps whose gain it has foretold better.
+not after steps whose gain the linear problem has foretold clearly better.
 """
 
 from __future__ import annotations
@@ -15,13 +15,14 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 
 _LEAST = 1e-6  # of an eigenvalue, beside the largest
+_KEPT = 1.5  # times worse that it may foretell a gain before the linear problem does alone again (NL2SOL)
 
 
 @dataclass(frozen=True)
 class SecondOrder:
     """S (p, p) in ranges, None as long as no step asked for it; `positive` (k, p): rows R, R^T R its positive part.
 
-    used: whether it foretells gains better than the linear problem alone; last: step (p,) that was taken, with whitened
+    used: whether it foretells gains hardly worse than the linear problem alone; last: step (p,) that was taken, with whitened
     Jacobian (m, p) and residual (m,) before it.
     """
 
@@ -52,7 +53,7 @@ class SecondOrder:
         """After a step (p,) from where whitened Jacobian (m, p) and residual (m,) are these; `linear`: the gain in
         chi-square that the linear problem promised."""
         added = 0.0 if self.positive is None else _squared(self.positive, step)
-        used = self.positive is None or abs(gained - linear + added) < abs(gained - linear)
+        used = self.positive is None or abs(gained - linear + added) < _KEPT * abs(gained - linear)
         return replace(self, used=used, last=(step, jacobian, residual))
 
     @property
