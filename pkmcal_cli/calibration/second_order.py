@@ -22,8 +22,8 @@ _KEPT = 1.5  # times worse that it may foretell a gain before the linear problem
 class SecondOrder:
     """S (p, p) in ranges, None as long as no step asked for it; `positive` (k, p): rows R, R^T R its positive part.
 
-    used: whether it foretells gains hardly worse than the linear problem alone; last: step (p,) that was taken, with whitened
-    Jacobian (m, p) and residual (m,) before it.
+    used: whether it foretells gains hardly worse than the linear problem alone; last: step (p,) that was taken, with
+    whitened Jacobian (m, p) and residual (m,) before it.
     """
 
     matrix: Array | None = None
