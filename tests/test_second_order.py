@@ -10,12 +10,8 @@ import pytest
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.second_order import SecondOrder
 from tests.command import clean, run
+from tests.tripod import AT_ONCE, LATE, TRIPOD
 
-DATA = Path(__file__).parent / "data"
-TRIPOD = DATA / "tripod.yaml"
-# Two campaigns of a tripod on rails by a simulator in closed form, 46 rows each, with noise of 6 um: its legs grow at
-# once by 11.5 um/(m K), over some 3 K, which shows no more of a lag than that it is below some minutes.
-LATE, AT_ONCE = DATA / "tripod-late.csv", DATA / "tripod-at-once.csv"
 rng = np.random.default_rng(0)
 SLOPES, BENT, READINGS = rng.normal(size=(9, 3)), rng.normal(size=(9, 3, 3)), 10 * rng.normal(size=9)
 BENT = BENT + BENT.transpose(0, 2, 1)

@@ -12,7 +12,7 @@ from pkmcal_cli.calibration.copies import copies
 from pkmcal_cli.calibration.frame_start import with_frames
 from pkmcal_cli.calibration.problem import Problem, stated_sigma, usable
 from pkmcal_cli.calibration.unknown_sides import with_unknown_sides
-from pkmcal_cli.loading.covariates import with_covariates, with_directions
+from pkmcal_cli.loading.covariates import require_filled, with_covariates, with_directions
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.tables.measurement_set import Measurements
@@ -22,9 +22,10 @@ from pkmcal_cli.units.measurands import Measurand
 def problem_of(model: Model, measurements: Measurements) -> Problem:
     """Measurements bound to a model; a channel's sigma is the table's where it has one, else the machine's.
 
-    Of rows that are copies of each other one is measured.
+    Of rows that are copies of each other one is measured. Raises BadInput where rows lack a circumstance of an effect.
     """
     model = model.for_sessions(measurements.sessions)
+    require_filled(model, measurements)
     drives = np.array([a.sigma for a in model.actuators]).reshape(1, -1)
     drive_sigma = np.where(np.isnan(measurements.actuator_sigma), drives, measurements.actuator_sigma)
     readings, stated = (_by_channel(model, measurements, x) for x in (measurements.readings, measurements.sigma))

@@ -15,14 +15,20 @@ from pkmcal_cli.units.unit_text import parse_unit
 
 def in_whole_steps(model: Model, values: Array, made: Correction) -> Correction:
     """The correction as a control sends it that knows whole steps; itself where no drive has a unit of its own."""
-    units = [parse_unit(a.unit) for a in model.actuators]
-    stepped = [a for a, unit in enumerate(units) if "=" in unit.definition]
-    if not stepped:
+    readings = whole_steps(model, made.rows.readings)
+    if readings is made.rows.readings:
         return made
-    readings = made.rows.readings.copy()
-    for a in stepped:
-        readings[:, a] = np.round(readings[:, a] / units[a].scale) * units[a].scale
     rows, tool = replace(made.rows, readings=readings), LoadedTool(model, made.aim.held)
     after = tool.at(values, rows, made.aim.targets, start=made.after.prediction.start)
     lost = np.nonzero(np.isnan(made.after.tool).any(axis=1))[0]
     return replace(made, rows=rows, after=after.without(lost))
+
+
+def whole_steps(model: Model, readings: Array) -> Array:
+    """Readings (N, A), those of drives with a unit of their own as whole numbers of it; themselves where none has."""
+    units = [parse_unit(a.unit) for a in model.actuators]
+    stepped = {a: unit.scale for a, unit in enumerate(units) if "=" in unit.definition}
+    out = readings.copy() if stepped else readings
+    for a, step in stepped.items():
+        out[:, a] = np.round(out[:, a] / step) * step
+    return out

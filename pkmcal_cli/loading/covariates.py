@@ -8,8 +8,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.errors import BadInput, Fault, Location
 from pkmcal_cli.base.lean import lean
+from pkmcal_cli.base.plural import count, listed
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.model.effect_sites import PlacedEffect
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.tables.measurement_set import Measurements
@@ -30,6 +33,34 @@ def with_covariates(rows: Rows, measurements: Measurements) -> Rows:
     for k, name in enumerate(measurements.sessions):
         columns[f"session.{name}"] = lean(np.asarray(measurements.session == k, dtype=float))
     return replace(rows, columns=columns)
+
+
+def require_filled(model: Model, measurements: Measurements) -> None:
+    """Raises BadInput for columns of circumstances that declared effects need and some rows lack, where these stand."""
+    gaps: dict[str, list[str]] = {}
+    for effect in (e for e in model.effects if e.sites):
+        for column in _columns_of(effect, measurements.covariates):
+            if np.isnan(measurements.covariates[column]).any():
+                gaps.setdefault(column, []).append(effect.name)
+    faults = []
+    for column, effects in gaps.items():
+        empty = np.nonzero(np.isnan(measurements.covariates[column]))[0]
+        where = Location(measurements.files[measurements.file_index[empty[0]]], int(measurements.line[empty[0]]))
+        rows = f"{len(empty)} of {count(len(measurements), 'row')}"
+        message = f"`{column}` is empty in {rows}, of which this is the first; needed by {listed(effects, 3)}"
+        hint = "fill it, or leave these rows out, or delete the effect from the machine file"
+        faults.append(Fault("csv-empty-cell", message, where, hint))
+    if faults:
+        raise BadInput(faults)
+
+
+def _columns_of(effect: PlacedEffect, columns: Collection[str]) -> set[str]:
+    """Columns of a table that an effect uses: of a temperature that of the part, where there is one."""
+    wanted = [_REST[need][0] for need in effect.effect.needs if need in _REST]
+    wanted += ["time"] if any(p.name == "lag" for p in effect.effect.parameters) else []
+    parts = {site.part for site in effect.sites}
+    ways = [(f"T.{part}", "T") if name == "T" else (name,) for name in wanted for part in parts]
+    return {there for names in ways if (there := next((n for n in names if n in columns), ""))}
 
 
 def with_directions(rows: Rows, names: Sequence[str]) -> Rows:

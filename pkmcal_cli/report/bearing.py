@@ -23,6 +23,7 @@ _NO_ENERGY = 1e-12  # J that are rounding
 _HARDLY_TAUT = 0.02
 """Of the largest tension at the same command: by so much models are off, so that such a rope may as well be slack."""
 _PROPOSED = 0.05
+_NO_FORCE = 1e-9  # N or N m
 _LISTED = 8
 
 
@@ -84,7 +85,10 @@ class Bearing:
 
     # --- texts -----------------------------------------------------------------------------------
     def show(self, to: Reporter) -> None:
-        """Tables of forces and tensions, and the strain energy."""
+        """Tables of forces and tensions, and the strain energy; nothing where no drive bears anything, nor could."""
+        most = max(float(np.nanmax(self._forces[n], initial=0.0)) for n in ("before", "after"))
+        if not self.redundant and not self._names and most < _NO_FORCE:
+            return
         rows = []
         for a, actuator in enumerate(self.model.actuators):
             unit = self._unit(a)

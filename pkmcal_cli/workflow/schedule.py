@@ -9,6 +9,7 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.waypoints import Stations, waypoints
+from pkmcal_cli.correction.whole_steps import whole_steps
 from pkmcal_cli.csv_files.dialect import split_header
 from pkmcal_cli.csv_files.origin import Origin
 from pkmcal_cli.loading.load_machine import LoadedMachine
@@ -50,7 +51,8 @@ def write_schedule(
     """
     model = loaded.model
     held = [a for a, d in enumerate(model.topology.drives) if not d.force_controlled]
-    side, begin = ways.side[:, held], (rows.readings + ways.back)[:, held]
+    there, begins = (whole_steps(model, q) for q in (rows.readings, rows.readings + ways.back))
+    side = ways.side[:, held]
     order, together = _in_sessions(rows, side, held, np.random.default_rng(options.seed))
     index = np.array([row for row, _ in order])
     ids = [f"datum_{k}" if datum else f"p{row + 1}" for k, (row, datum) in enumerate(order, start=1)]
@@ -59,8 +61,8 @@ def write_schedule(
         machine=model.name, ids=ids, partners=_partners(rows, order, ids),
         sessions=[rows.session_names[k] for k in rows.session[index]] if rows.session_names else [],
         drives=[(a.name, loaded.machine.actuators[a.name].column or a.name, a.unit) for a in actuators],
-        there=rows.readings[index][:, held], begin=begin[index], side=side[index], readings=_readings(loaded),
-        ways=_ways(model, rows.readings[index], (rows.readings + ways.back)[index], held) if programmed else (),
+        there=there[index][:, held], begin=begins[index][:, held], side=side[index], readings=_readings(loaded),
+        ways=_ways(model, there[index], begins[index], held) if programmed else (),
         dwell=options.dwell, feed=options.feed, origin=options.origin,
     )  # fmt: skip
     write_form(options.form, schedule, target, inputs, options.force)

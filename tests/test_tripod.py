@@ -1,0 +1,38 @@
+"""What commands say of a tripod on rails with drives in counts, whose legs lag behind the temperature."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from tests.command import clean, column, run
+from tests.tripod import LATE, TRIPOD
+
+
+def test_a_plan_has_whole_counts(tmp_path: Path) -> None:
+    """A control that counts takes no fractions, neither where it goes nor where it comes from."""
+    target = tmp_path / "plan.csv"
+    clean(run("plan", TRIPOD, "-o", target))
+    for drive in ("q1", "q2"):
+        counts = column(target, drive), column(target, f"approach.{drive}")
+        assert all(np.array_equal(c, np.round(c)) for c in counts) and np.abs(counts[0]).max() > 1e5
+    assert not np.array_equal(column(target, "q3"), np.round(column(target, "q3")))
+
+
+def test_rows_without_a_temperature_that_an_effect_needs_are_named(tmp_path: Path) -> None:
+    """With table, first row, how many, and what can be done; not the machine file, which is right."""
+    table, lines = tmp_path / "t.csv", LATE.read_text(encoding="utf-8").splitlines()
+    lines[11:13] = [line.rpartition(";")[0] + ";" for line in lines[11:13]]
+    table.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    for command in ("calibrate", "diagnose", "check"):
+        done = run(command, TRIPOD, table)
+        assert done.code == 3
+        assert f"{table}:12: error[csv-empty-cell]: `T` is empty in 2 of 46 rows" in done.err
+        assert "needed by thermal_strut@all" in done.err and "leave these rows out" in done.err
+
+
+def test_a_machine_whose_drives_bear_nothing_has_no_table_of_forces() -> None:
+    done = clean(run("correct", TRIPOD, "--grid", "6"))
+    assert "rms after" in done.err
+    assert "Largest forces" not in done.err and "strain energy" not in done.err
