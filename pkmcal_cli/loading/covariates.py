@@ -54,13 +54,13 @@ def require_filled(model: Model, measurements: Measurements) -> None:
         raise BadInput(faults)
 
 
-def _columns_of(effect: PlacedEffect, columns: Collection[str]) -> set[str]:
+def _columns_of(effect: PlacedEffect, columns: Collection[str]) -> list[str]:
     """Columns of a table that an effect uses: of a temperature that of the part, where there is one."""
-    wanted = [_REST[need][0] for need in effect.effect.needs if need in _REST]
-    wanted += ["time"] if any(p.name == "lag" for p in effect.effect.parameters) else []
+    names = [_REST[need][0] for need in effect.effect.needs if need in _REST]
+    names += ["time"] if any(p.name == "lag" for p in effect.effect.parameters) else []
     parts = {site.part for site in effect.sites}
-    ways = [(f"T.{part}", "T") if name == "T" else (name,) for name in wanted for part in parts]
-    return {there for names in ways if (there := next((n for n in names if n in columns), ""))}
+    ways = [(f"T.{part}", "T") if name == "T" else (name,) for name in names for part in parts]
+    return sorted({there for way in ways if (there := next((n for n in way if n in columns), ""))})
 
 
 def with_directions(rows: Rows, names: Sequence[str]) -> Rows:
