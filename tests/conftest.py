@@ -4,6 +4,7 @@ random examples in every run, so that a result depends on the code alone; whole 
 
 from __future__ import annotations
 
+import gc
 import os
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,13 @@ LONGEST = (
     "test_command_fuzz", "test_one_wrong_cell", "test_next_points", "test_commands_calibrate",
 )  # fmt: skip
 """They begin, so that no process ends long after the others."""
+
+
+def pytest_collection_finish() -> None:
+    """Thousands of tests and modules live to the end: looks for garbage need not go through them."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(50_000)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -70,7 +70,7 @@ def test_what_is_improved_by_it_is_not_claimed(tmp_path: Path) -> None:
     """The error before is that of `calibrate`, which has it in a dimension: nothing falls, so nothing is confirmed."""
     table = with_constants(tmp_path / "t.csv", "triglide", {"q2": 4.0})
     fitted = run("calibrate", TRIGLIDE, table, "--json", "-q").json["heldout"]["rms_after"]
-    done = clean(run("improve", TRIGLIDE, table, "-o", tmp_path / "out.yaml", "--json"))
+    done = clean(run("improve", TRIGLIDE, table, "--only", "zero@q2", "-o", tmp_path / "out.yaml", "--json"))
     before, after = (done.json[k]["position"]["rms"] for k in ("before", "after"))
     assert done.code == 1 and done.json["verdict"] == "not_confirmed"
     assert before == pytest.approx(fitted, rel=0.2) and after == pytest.approx(before, rel=0.1)

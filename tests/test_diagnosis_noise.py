@@ -88,7 +88,9 @@ def test_what_ranges_say_is_no_noise() -> None:
     assert chance_of_noise(linear) > 1e-3
 
 
-@pytest.mark.parametrize(("machine", "tables"), [("delta4", 20), ("triglide", 60)])
+@pytest.mark.parametrize(
+    ("machine", "tables"), [("delta4", 20), pytest.param("triglide", 60, marks=pytest.mark.slow)]
+)
 def test_held_directions_cost_no_freedom(machine: str, tables: int) -> None:
     """Chi-square of small tables, many directions of which are held, is its degrees of freedom in the mean."""
     squares, freedom, held = [], [], 0

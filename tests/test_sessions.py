@@ -243,7 +243,7 @@ def test_further_rows_belong_to_the_last_session(tmp_path: Path) -> None:
     lines = {name: Path(f"{name}.csv").read_text().splitlines() for name in ("mon", "tue")}
     rows = [f"{name},{line}" for name, count in (("mon", 12), ("tue", 4)) for line in lines[name][1 : count + 1]]
     Path("two.csv").write_text("\n".join(["session," + lines["mon"][0], *rows]) + "\n")
-    aim = ("--next", "--budget", "60", "--aim", "l1 30 um")
+    aim = ("--next", "--budget", "60", "--aim", "l1 60 um")
     done = run("plan", "m.yaml", "two.csv", *aim, "-o", "next.csv", "--json")
     assert done.code == 0
     assert set(texts("next.csv", "session")) == {"tue"}
