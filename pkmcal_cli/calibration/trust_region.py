@@ -17,6 +17,7 @@ from pkmcal_cli.calibration.second_order import SecondOrder
 
 _FIRST = 3.0  # ranges of all parameters, to which a step is confined that is taken back
 _POOR, _HALF, _GOOD = 0.25, 0.5, 0.75  # of the gain in chi-square that the linear problem promises
+_LATE = 0.01  # of chi-square: what a step promises near the end of a fit
 _NARROWER, _WIDER = 0.25, 2.0
 _TIGHT = 0.01  # share of the radius by which a confined step may be shorter
 _FARTHEST = 1e-16  # of the largest squared singular value: the least damping that is looked at
@@ -44,8 +45,10 @@ class Region:
         self, step: Array, before: tuple[Array, Array], gained: float, linear: float, shown: float
     ) -> Region:
         """With what the next place tells of second derivatives, once they matter: after a step (p,) from whitened
-        derivatives and residuals `before`, and the gain that they promised. Less than `shown` shows nothing."""
-        if linear <= shown or (gained >= _HALF * linear and self.bent.matrix is None):
+        derivatives and residuals `before`, and the gain that they promised. Less than `shown` shows nothing; far from
+        the end, where signs of forces still change, a step that kept little tells of no curvature."""
+        matters = gained < _HALF * linear and linear < _LATE * float(before[1] @ before[1])
+        if linear <= shown or not (matters or self.bent.matrix is not None):
             return self
         return replace(self, bent=self.bent.after(step, *before, gained, linear))
 
