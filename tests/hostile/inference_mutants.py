@@ -279,4 +279,11 @@ INFERENCE = (
         "tests/test_rows_not_judged.py",
     ),
     Mutant("sheet/verdict.py", "sum(not size <= most", "sum(size > most", "tests/test_rows_not_judged.py"),
+    Mutant(
+        "calibration/estimated_ranges.py", "np.clip(out[index], low, high)", "out[index]", "tests/test_second_order.py"
+    ),
+    Mutant("calibration/second_order.py", "positive if self.used else None", "positive", "tests/test_second_order.py"),
+    Mutant("calibration/second_order.py", "before.T @ residual -", "0.0 -", "tests/test_second_order.py"),
+    Mutant("diagnosis/nameless.py", "share < _MOST_SHARE or", "False or", "tests/test_own_shapes.py"),
+    Mutant("loading/covariates.py", "if lagging(model):", "if False:", "tests/test_second_order.py"),
 )
