@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 
 from tests.command import clean, column, run
-from tests.tripod import LATE, TRIPOD
+from tests.tripod import AT_ONCE, LATE, TRIPOD
 
 
 def test_a_plan_has_whole_counts(tmp_path: Path) -> None:
@@ -36,3 +37,11 @@ def test_a_machine_whose_drives_bear_nothing_has_no_table_of_forces() -> None:
     done = clean(run("correct", TRIPOD, "--grid", "6"))
     assert "rms after" in done.err
     assert "Largest forces" not in done.err and "strain energy" not in done.err
+
+
+def test_compared_values_have_uncertainties_and_units(tmp_path: Path) -> None:
+    files = tmp_path / "late.params.yaml", tmp_path / "at-once.params.yaml"
+    for table, file in zip((LATE, AT_ONCE), files, strict=True):
+        clean(run("calibrate", TRIPOD, table, "--holdout", "none", "-o", file))
+    row = next(line for line in run("compare", *files).err.splitlines() if line.startswith("L3 "))
+    assert re.match(r"L3 +700\.\d+\(\d+\) mm +(699|700)\.\d+\(\d+\) mm +-?[\d.]+\(\d+\) mm ", row), row

@@ -136,7 +136,8 @@ class ComparisonReport:
         changes, rows = self.compared.changes, list[tuple[str, ...]]()
         for k, name in enumerate(changes.names):
             unit = self.unit(name)
-            values = [f"{unit.from_si(f.parameters[name].value):.8g}" for f in self.known]
+            stated = [f.parameters[name] for f in self.known]
+            values = [uncertain(unit.from_si(p.value), p.std / unit.scale, unit.text) for p in stated]
             size = uncertain(float(changes.values[k]) / unit.scale, float(changes.std[k]) / unit.scale, unit.text)
             known = bool(changes.determined[k])
             p = f"{changes.holm[k]:.2g}" if known else "-"
