@@ -19,6 +19,8 @@ def test_a_plan_has_whole_counts(tmp_path: Path) -> None:
         counts = column(target, drive), column(target, f"approach.{drive}")
         assert all(np.array_equal(c, np.round(c)) for c in counts) and np.abs(counts[0]).max() > 1e5
     assert not np.array_equal(column(target, "q3"), np.round(column(target, "q3")))
+    more = clean(run("plan", TRIPOD, "--grid", "12", "--aim", "uncertainty", "--points", "3", "--json")).json["points"]
+    assert more and all(point[drive] == round(point[drive]) for point in more for drive in ("q1", "q2"))
 
 
 def test_rows_without_a_temperature_that_an_effect_needs_are_named(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.correction.whole_steps import whole_steps
 from pkmcal_cli.diagnosis.experiment_design import Aim, Chosen
 from pkmcal_cli.diagnosis.score import minimal_detectable
 from pkmcal_cli.model.model import Model
@@ -76,7 +77,7 @@ class Added:
     def cells(self, model: Model) -> list[dict[str, Any]]:
         """Set values and sides of every point."""
         out = []
-        for k, readings in enumerate(self.points.rows.readings):
+        for k, readings in enumerate(whole_steps(model, self.points.rows.readings)):
             cells: dict[str, Any] = {}
             for a, actuator in enumerate(model.actuators):
                 unit = parse_unit(actuator.unit)
@@ -98,7 +99,7 @@ class Added:
         headers = tuple(f"{a.name} [{parse_unit(a.unit).text}]" for a in model.actuators)
         sides = {1.0: "+", -1.0: "-"}
         rows = [
-            tuple(f"{float(p[n]):.6g} {sides.get(p[f'dir.{n}'] or 0.0, '')}".rstrip() for n in names)
+            tuple(f"{_shown(float(p[n]))} {sides.get(p[f'dir.{n}'] or 0.0, '')}".rstrip() for n in names)
             for p in self.cells(model)
         ]
         to.table("Points to add (set values; + approach from below, - from above)", headers, rows, left=0)
@@ -135,3 +136,8 @@ class Added:
             plausible = declared[0].range
             return detectable_size(0.5 * value * plausible, plausible, parse_unit(declared[0].unit or "1"))
         return plausible_share(value / _ENOUGH)
+
+
+def _shown(value: float) -> str:
+    """Six digits, of whole numbers all."""
+    return f"{value:.0f}" if value == round(value) else f"{value:.6g}"
