@@ -10,7 +10,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.commands import Correction
 from pkmcal_cli.correction.strained_pose import LoadedTool
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.units.unit_text import parse_unit
+from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 
 def in_whole_steps(model: Model, values: Array, made: Correction) -> Correction:
@@ -24,10 +24,15 @@ def in_whole_steps(model: Model, values: Array, made: Correction) -> Correction:
     return replace(made, rows=rows, after=after.without(lost))
 
 
+def counts_steps(unit: Unit) -> bool:
+    """Whether readings in a unit are whole numbers of steps: one that the machine file defines, as `count: 0.5 um`."""
+    return "=" in unit.definition
+
+
 def whole_steps(model: Model, readings: Array) -> Array:
     """Readings (N, A), those of drives with a unit of their own as whole numbers of it; themselves where none has."""
     units = [parse_unit(a.unit) for a in model.actuators]
-    stepped = {a: unit.scale for a, unit in enumerate(units) if "=" in unit.definition}
+    stepped = {a: unit.scale for a, unit in enumerate(units) if counts_steps(unit)}
     out = readings.copy() if stepped else readings
     for a, step in stepped.items():
         out[:, a] = np.round(out[:, a] / step) * step

@@ -8,7 +8,7 @@ from typing import Any
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.correction.whole_steps import whole_steps
+from pkmcal_cli.correction.whole_steps import counts_steps
 from pkmcal_cli.diagnosis.experiment_design import Aim, Chosen
 from pkmcal_cli.diagnosis.score import minimal_detectable
 from pkmcal_cli.model.model import Model
@@ -77,11 +77,12 @@ class Added:
     def cells(self, model: Model) -> list[dict[str, Any]]:
         """Set values and sides of every point."""
         out = []
-        for k, readings in enumerate(whole_steps(model, self.points.rows.readings)):
+        for k, readings in enumerate(self.points.rows.readings):
             cells: dict[str, Any] = {}
             for a, actuator in enumerate(model.actuators):
                 unit = parse_unit(actuator.unit)
-                cells[actuator.name] = finite(unit.from_si(float(readings[a])))
+                value = unit.from_si(float(readings[a]))
+                cells[actuator.name] = finite(round(value) if counts_steps(unit) else value)
                 cells[f"dir.{actuator.name}"] = finite(float(self.points.rows.columns[f"dir.{actuator.name}"][k]))
             out.append(cells)
         return out
