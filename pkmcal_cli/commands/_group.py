@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable
+from functools import cache
 from importlib import import_module
 from typing import Any
 
@@ -60,7 +61,7 @@ class Subcommands(TyperGroup):
         name, command, remaining = super().resolve_command(ctx, args)
         if name is None:
             return name, command, remaining
-        whole = _whole(name)
+        whole = _whole(name, _function(name))
         if not ctx.resilient_parsing:  # which proposes words
             _check_once(whole, remaining)
         return name, whole, remaining
@@ -92,9 +93,10 @@ def _question(name: str) -> str:
     return " ".join((_function(name).__doc__ or "").partition("\n\n")[0].split())
 
 
-def _whole(name: str) -> object:
+@cache
+def _whole(name: str, function: Callable[..., None]) -> object:
     """A command with its arguments, options and help; its examples stand last."""
-    function, alone = _function(name), typer.Typer(rich_markup_mode=None, add_completion=False)
+    alone = typer.Typer(rich_markup_mode=None, add_completion=False)
     text, _, examples = re.sub(r"(?m)^    ", "", function.__doc__ or "").partition("Examples:")
     lines = "\n".join(f"  {line.removeprefix('    ').rstrip()}" for line in examples.strip("\n ").splitlines())
     alone.command(name, help=text.rstrip(), epilog=f"\b\nExamples:\n{lines}")(function)
