@@ -13,10 +13,16 @@ import json
 import random
 import re
 import tempfile
+from collections.abc import Iterator
 from functools import cache
 from itertools import dropwhile
 from pathlib import Path
 
+import pytest
+
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.machine_yaml import read_machine
+from pkmcal_cli.loading import load_machine
 from tests.command import EXIT_CODES, MACHINES, Done, run
 from tests.hostile import command_lines, machine_fuzz, table_fuzz
 from tests.hostile.command_lines import chosen, mistyped
@@ -49,6 +55,26 @@ def _spots(machine: str) -> list[Spot]:
     return spots(_parameters(machine))
 
 
+@cache
+def _read(machine: str) -> Machine:
+    """A shipped machine as it is read from `m.yaml`, which is the name of its file in every command."""
+    Path("m.yaml").write_text(machine_fuzz.base(machine)[0], encoding="utf-8")
+    return read_machine("./m.yaml")
+
+
+@contextlib.contextmanager
+def _reading_once(machine: str, text: str) -> Iterator[None]:
+    """Commands within read `m.yaml` as a machine no second time where it is the shipped one."""
+    known = _read(machine) if text == machine_fuzz.base(machine)[0] else None
+
+    def read(path: str) -> Machine:
+        return known if known is not None and path == "./m.yaml" else read_machine(path)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(load_machine, "read_machine", read)
+        yield
+
+
 def judged(seed: int, folder: Path) -> tuple[str, str]:
     """A command with one mutated input, or mistyped: (outcome, what is wrong, "" if nothing)."""
     rng = random.Random(seed)
@@ -63,7 +89,7 @@ def judged(seed: int, folder: Path) -> tuple[str, str]:
     elif kind is command_lines.PARAMETERS:
         parameters = mutate_yaml(parameters, _spots(case.machine), rng)
     texts = {"m.yaml": machine, "p.yaml": parameters, "q.yaml": _parameters(case.machine)}
-    with tempfile.TemporaryDirectory(dir=folder) as here, contextlib.chdir(here):
+    with tempfile.TemporaryDirectory(dir=folder) as here, contextlib.chdir(here), _reading_once(case.machine, machine):
         for name, text in texts.items():
             Path(name).write_text(text, encoding="utf-8")
         Path("t.csv").write_bytes(sheet.data())
