@@ -16,10 +16,16 @@ from typing import Any
 
 import pytest
 
+import pkmcal_cli.diagnosis.closed_loop
 import pkmcal_cli.workflow.diagnose
 import pkmcal_cli.workflow.improve
 from tests.command import Done, run
 
+_COMPUTED = (
+    (pkmcal_cli.workflow.diagnose, "diagnose"), (pkmcal_cli.workflow.improve, "improve"),
+    (pkmcal_cli.diagnosis.closed_loop, "diagnose"),
+)  # fmt: skip
+"""The last: `improve` begins with the diagnosis that `diagnose` shows."""
 _RESULTS: dict[str, Any] = {}
 
 
@@ -59,6 +65,6 @@ def _once(compute: Callable[..., Any]) -> Callable[..., Any]:
 def run_once(*arguments: str | Path, stdin: str | None = None) -> Done:
     """The command, with the diagnosis or improvement of another test where machine, table and options are the same."""
     with pytest.MonkeyPatch.context() as patch:
-        for module, name in ((pkmcal_cli.workflow.diagnose, "diagnose"), (pkmcal_cli.workflow.improve, "improve")):
+        for module, name in _COMPUTED:
             patch.setattr(module, name, _once(getattr(module, name)))
         return run(*arguments, stdin=stdin)

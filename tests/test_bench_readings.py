@@ -16,6 +16,7 @@ from pkmcal_cli.loading.load_machine import load_machine, load_measurements
 from tests.campaign_tables import true_values, write_table
 from tests.campaigns import shipped
 from tests.command import MACHINES, run
+from tests.computed_once import run_once
 
 PLAIN = "triglide-nonredundant"
 LINE = 4  # of the reading
@@ -58,11 +59,11 @@ def test_calibrate_names_a_wrong_reading_and_no_row(tmp_path: Path, off: float) 
 @pytest.mark.parametrize("off", [0.2e-3, 2e-3])
 def test_diagnose_names_a_wrong_reading_and_nothing_else(tmp_path: Path, off: float) -> None:
     machine, table, _ = gauge(tmp_path, off)
-    done = run("diagnose", machine, table, "--json")
+    done = run_once("diagnose", machine, table, "--json")
     result = done.json
     assert [b["name"] for b in result["bench"]] == ["gauge"] and result["verdict"] == "measurement_fault"
     assert result["effects"] == [] and result["outliers"] == [] and result["unknown"] == []
-    assert "bad reading: " in run("diagnose", machine, table).err
+    assert "bad reading: " in run_once("diagnose", machine, table).err
 
 
 def test_a_doubtful_reading_is_used_and_named_alike_by_all(tmp_path: Path) -> None:
@@ -73,7 +74,7 @@ def test_a_doubtful_reading_is_used_and_named_alike_by_all(tmp_path: Path) -> No
     calibrated = run("calibrate", machine, table, "--holdout", "none", "--json")
     (reason,) = [text for text in calibrated.json["incomplete"] if "gauge" in text]
     for command in ("diagnose", "improve"):
-        done = run(command, machine, table, "--json")
+        done = run_once(command, machine, table, "--json")
         assert done.code == 0 and f"suspected reading: {reason}; still used: measure it again" in done.err
         (named,) = done.json["bench"]
         assert named["used"] and named["off"] == pytest.approx(calibrated.json["bench"][0]["off"], rel=1e-3)
@@ -87,7 +88,7 @@ def test_a_good_reading_is_used_and_has_no_word(tmp_path: Path) -> None:
     assert found["status"] == "converged" and found["bench"] == []
     value = next(p for p in found["parameters"] if p["name"] == "l1")
     assert value["std"] < 6e-3 and abs(value["value"] - 1e3 * l1) < 4 * value["std"]
-    diagnosis = run("diagnose", machine, table, "--json").json
+    diagnosis = run_once("diagnose", machine, table, "--json").json
     assert diagnosis["verdict"] == "clean" and diagnosis["bench"] == []
 
 
@@ -100,7 +101,7 @@ def test_a_bad_row_that_stands_with_the_reading_is_a_row(tmp_path: Path) -> None
     table.write_text("\n".join([lines[0], ",".join(cells), *lines[2:], ""]))
     done = run("calibrate", machine, table, "--holdout", "none", "--json").json
     assert [row["line"] for row in done["far_rows"]] == [2] and done["bench"] == []
-    diagnosis = run("diagnose", machine, table, "--json").json
+    diagnosis = run_once("diagnose", machine, table, "--json").json
     assert [row["line"] for row in diagnosis["outliers"]] == [2] and diagnosis["bench"] == []
 
 

@@ -12,6 +12,7 @@ from pkmcal_cli.base.rotation import Array, exp
 from pkmcal_cli.equilibrium.status import RowStatus
 from pkmcal_cli.prediction import Rows, predict
 from tests.command import MACHINES, clean, run
+from tests.computed_once import run_once
 from tests.in_ci import in_ci
 from tests.measured import against_frame, jacobian_check, skewed_gantry
 from tests.structures import force_controlled
@@ -206,7 +207,7 @@ def test_counts_of_a_cross_slide() -> None:
 
 def test_diagnose_finds_the_bow_of_the_elastic_rail() -> None:
     """The shipped table: one cause, at its place, with its size, and nothing else."""
-    done = clean(run("diagnose", MACHINES / "gantry.yaml", MACHINES / "gantry-bow.csv", "--json", "--quiet"))
+    done = clean(run_once("diagnose", MACHINES / "gantry.yaml", MACHINES / "gantry-bow.csv", "--json", "--quiet"))
     _found_bow(json.loads(done.out), -2 / 3 * BOWED)
 
 
@@ -220,7 +221,7 @@ def _found_bow(diagnosis: dict, size: float) -> None:  # type: ignore[type-arg]
 
 
 def test_diagnose_finds_nothing_on_the_straight_gantry() -> None:
-    done = clean(run("diagnose", MACHINES / "gantry.yaml", MACHINES / "gantry.csv", "--json", "--quiet"))
+    done = clean(run_once("diagnose", MACHINES / "gantry.yaml", MACHINES / "gantry.csv", "--json", "--quiet"))
     assert json.loads(done.out)["effects"] == []
 
 
@@ -237,10 +238,10 @@ def test_the_loop_on_another_gantry(outward: float, tmp_path) -> None:  # type: 
     np.savetxt(table, np.hstack([readings, measured]) / MM, "%.6f", ",", header=head, comments="")
     arguments = ("--json", "--quiet")
     _found_bow(
-        json.loads(clean(run("diagnose", MACHINES / "gantry.yaml", table, *arguments)).out), -0.08 * outward * MM
+        json.loads(clean(run_once("diagnose", MACHINES / "gantry.yaml", table, *arguments)).out), -0.08 * outward * MM
     )
     better = tmp_path / "better.yaml"
-    clean(run("improve", MACHINES / "gantry.yaml", table, "-o", better, *arguments))
+    clean(run_once("improve", MACHINES / "gantry.yaml", table, "-o", better, *arguments))
     assert "straight@rail2.x" in better.read_text(encoding="utf-8")
     fitted = json.loads(clean(run("calibrate", better, table, *arguments)).out)
     assert 0.7 < fitted["chi2_per_dof"] < 1.3

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.command import MACHINES, column, run
+from tests.computed_once import run_once
 
 CANTILEVER = """
 units: {length: mm, angle: deg, force: N}
@@ -127,10 +128,10 @@ def test_a_frame_is_diagnosed_and_improved() -> None:
     Path("hung.yaml").write_text("extends: portal.yaml\neffects: {payload@dial: {m: 1}}\n")
     Path("w.csv").write_text("payload [kg]\n" + "\n".join(str(k % 5) for k in range(40)) + "\n")
     assert run("simulate", "hung.yaml", "w.csv", "--noise", "declared", "--seed", "3", "-o", "t.csv").code == 0
-    diagnosed = run("diagnose", "portal.yaml", "t.csv", "--json")
+    diagnosed = run_once("diagnose", "portal.yaml", "t.csv", "--json")
     assert [found["effect"] for found in diagnosed.json["effects"]] == ["payload"]
     assert "as weighed" in diagnosed.err, "no size that has been found"
-    improved = run("improve", "portal.yaml", "t.csv", "-o", "better.yaml", "--json")
+    improved = run_once("improve", "portal.yaml", "t.csv", "-o", "better.yaml", "--json")
     assert improved.code == 0, improved.err
     again = run("calibrate", "better.yaml", "t.csv", "--holdout", "none", "--json").json
     assert "payload@dial.m" not in [p["name"] for p in again["parameters"]], "weighed in kg: all of it acts"
@@ -163,7 +164,7 @@ def test_a_payload_and_a_soft_frame_are_told_apart() -> None:
     Path("hung.yaml").write_text(planted)
     Path("w.csv").write_text("payload [kg]\n" + "\n".join(str(k % 5) for k in range(40)) + "\n")
     assert run("simulate", "hung.yaml", "w.csv", "--noise", "declared", "--seed", "3", "-o", "t.csv").code == 0
-    found = {e["effect"]: e for e in run("diagnose", "portal.yaml", "t.csv", "--json").json["effects"]}
+    found = {e["effect"]: e for e in run_once("diagnose", "portal.yaml", "t.csv", "--json").json["effects"]}
     assert found.keys() == {"payload", "stiffness"}
     (k,) = found["stiffness"]["parameters"]
     assert abs(k["value"] + 0.2) < 4 * k["std"] < 0.05
