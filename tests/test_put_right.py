@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -43,11 +44,16 @@ def diagnosed(table: str) -> Done:
     return clean(run("diagnose", TRIGLIDE, table, "--json"))
 
 
+@pytest.fixture(scope="module")
+def honest(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """What `diagnose --json` has of the table without a mistake."""
+    return diagnosed(spoilt(tmp_path_factory.mktemp("honest") / "honest.csv", lambda t: t)).json
+
+
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_a_mistake_is_the_verdict_and_the_rest_is_searched(mistake: str, tmp_path: Path) -> None:
+def test_a_mistake_is_the_verdict_and_the_rest_is_searched(mistake: str, honest: Any, tmp_path: Path) -> None:
     """As the honest table is: the same residuals but for rounding, and nothing else is named."""
     spoil, text = MISTAKES[mistake]
-    honest = diagnosed(spoilt(tmp_path / "honest.csv", lambda t: t)).json
     done = diagnosed(spoilt(tmp_path / "spoilt.csv", spoil))
     assert done.code == 1 and done.json["verdict"] == "measurement_fault" and done.json["effects"] == []
     (told,) = done.json["mistakes"]
