@@ -145,7 +145,8 @@ def _with_causes(results: Results) -> Table | None:
         return None
     declared = {row.name: row for row in results.calibrated.rows}
     rows = []
-    for name in report.improvement.fit.selected:
+    weights = {n for shape in report.improvement.whole.shapes for n in shape.hypothesis.parameters}  # of curves above
+    for name in (n for n in report.improvement.fit.selected if n not in weights):
         row = declared.get(name)
         known = ("-", "") if row is None else (f"{row.nominal:.8g}", row.spread)
         estimate = report.estimate_text(name) if report.estimate(name)[1] is not None else "undetermined"
