@@ -128,8 +128,10 @@ def _identified(
     if fixed:
         return _finished(kept, selected, first, last=evaluation, status=NOTHING, count=0, failed=failed)
     task = _Task(problem=problem, scale=scale, first=first, iterations=iterations, progress=progress, hopeless=hopeless)
-    way = _descent(task, kept, evaluation, failed, compare=problem.method != "exact")  # else only its end is compared
-    if not way.holds:  # assemblies change on the way
+    near = problem.method == "exact"  # then only the end of the way is compared with other assemblies
+    way = _descent(task, kept, evaluation, failed, compare=not near)
+    ropes = near and bool(problem.model.exact.ropes)
+    if not way.holds or (ropes and chi_square(way.kept, way.end) > _SPOILT * way.kept.count):  # others on the way
         way = _descent(task, kept, evaluation, failed, compare=True)
     stopped, steps, lost = way.stopped or "budget", len(way.chi2), way.failed
     fit = _finished(way.kept, selected, first, last=way.end, status=_STATUS[stopped], count=steps, failed=lost)
