@@ -72,6 +72,7 @@ def _model(data: DataSet, start: Array) -> Any:
         overdetermined=False,
         correlated=(),
         topology=SimpleNamespace(drives=()),
+        exact=SimpleNamespace(ropes=False),
         data=data,
     )
 
