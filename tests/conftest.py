@@ -18,7 +18,7 @@ from hypothesis import settings  # noqa: E402
 from tests.checkout_package import use_checkout  # noqa: E402
 
 use_checkout()
-settings.register_profile("repeatable", derandomize=True)
+settings.register_profile("repeatable", derandomize=True, deadline=None)  # no timed tests
 settings.load_profile("repeatable")
 
 SHARING = (
