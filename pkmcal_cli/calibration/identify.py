@@ -130,8 +130,8 @@ def _identified(
     task = _Task(problem=problem, scale=scale, first=first, iterations=iterations, progress=progress, hopeless=hopeless)
     near = problem.method == "exact"  # then only the end of the way is compared with other assemblies
     way = _descent(task, kept, evaluation, failed, compare=not near)
-    ropes = near and bool(problem.model.exact.ropes)
-    if not way.holds or (ropes and chi_square(way.kept, way.end) > _SPOILT * way.kept.count):  # others on the way
+    ropes = near and bool(problem.model.exact.ropes)  # those that are slack at the start may hold a fit back
+    if not way.holds or (ropes and chi_square(way.kept, way.end) > _SPOILT * way.kept.count):
         way = _descent(task, kept, evaluation, failed, compare=True)
     stopped, steps, lost = way.stopped or "budget", len(way.chi2), way.failed
     fit = _finished(way.kept, selected, first, last=way.end, status=_STATUS[stopped], count=steps, failed=lost)
