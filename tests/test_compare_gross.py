@@ -38,3 +38,11 @@ def test_a_table_with_gross_mistakes_compares_nothing(table: Path) -> None:
     table.write_text(text.replace("x [", "z [").replace("y [", "x [").replace("z [", "y ["))
     done = run("compare", BIGLIDE, BIGLIDE, table)
     assert done.code == 3 and "error[plausibility]" in done.err
+
+
+def test_rows_that_neither_machine_explains_compare_nothing(table: Path) -> None:
+    """Units of two columns changed: fits of the folds took half a minute, and ended with "no difference"."""
+    head, *rows = table.read_text().splitlines()
+    table.write_text("\n".join([head.replace("q2 [mm]", "q2 [um]").replace("x [mm]", "x [um]"), *rows[:11]]) + "\n")
+    done = run("compare", BIGLIDE, BIGLIDE, table)
+    assert done.code == 3 and "error[plausibility]" in done.err and "neither machine explains these rows" in done.err

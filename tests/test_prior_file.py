@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -111,3 +112,18 @@ def test_a_prior_is_its_covariance() -> None:
     std = np.sqrt(np.diag(covariance))
     scaled = prior.rows * std
     assert np.linalg.inv(scaled.T @ scaled) == pytest.approx(covariance / np.outer(std, std), abs=1e-6)
+
+
+@pytest.mark.slow
+def test_a_prior_of_another_size_ends_early(tmp_path: Path) -> None:
+    """An angle a thousand times too large, known to 1e-5 of itself: steps creep, and lead nowhere after 56."""
+    gantry, all_rows = MACHINES / "gantry.yaml", (MACHINES / "gantry.csv").read_text().splitlines()
+    five, old = tmp_path / "five.csv", tmp_path / "old.yaml"
+    five.write_text("\n".join([line for line in all_rows if not line.startswith("#")][:6]) + "\n")
+    assert run("calibrate", gantry, MACHINES / "gantry.csv", "-o", old, "-q", "--holdout", "none").code == 0
+    content = yaml.safe_load(old.read_text())
+    content["parameters"]["cl"]["value"] *= 1e3
+    old.write_text(yaml.safe_dump(content))
+    done = run("calibrate", gantry, five, "--prior", old, "--starts", "1", "--holdout", "none")
+    steps = re.search(r"NOT CONVERGED in (\d+) steps", done.err)
+    assert done.code == 1 and steps is not None and int(steps[1]) < 30, done.err

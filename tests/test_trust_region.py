@@ -43,11 +43,11 @@ def test_what_readings_no_longer_feel_moves_no_further_than_before() -> None:
 def test_a_step_that_keeps_its_promise_widens_and_one_that_is_refused_narrows() -> None:
     region = Region().at(np.eye(2), NOTHING).narrowed()
     step = np.array([region.radius, 0.0])
-    assert region.taken(step, 1.0).radius > region.radius > region.taken(step, 0.1).radius > 0.0
-    assert region.taken(step, 0.5).radius == region.radius
+    assert region.taken(step, 1.0, 0.5).radius > region.radius > region.taken(step, 0.1, 0.5).radius > 0.0
+    assert region.taken(step, 0.5, 0.5).radius == region.radius
     refused = region.refused(step)
     assert refused.radius < region.radius and refused.damping == 1.0
-    assert refused.taken(0.1 * step, 0.9).damping == 0.0
+    assert refused.taken(0.1 * step, 0.9, 0.5).damping == 0.0
 
 
 def test_steps_are_free_until_a_far_one_keeps_little() -> None:
@@ -59,3 +59,13 @@ def test_steps_are_free_until_a_far_one_keeps_little() -> None:
     assert not region.narrowed().doubts(far, 0.1) and region.narrowed().radius < region.length(far)
     failed = region.refused(far)
     assert failed.radius == np.inf and failed.damping == 1.0 and not failed.doubts(far, 0.1)
+
+
+def test_steps_that_creep_are_counted_until_one_gets_on() -> None:
+    """Those of a fit far off that needs heavy damping: each gains less than a hundredth of chi-square."""
+    step = np.array([1e-6, 0.0])
+    region = Region(size=np.ones(2), damping=1e8)
+    for _ in range(3):
+        region = region.taken(step, 0.4, 0.005)
+    assert region.creeping == 3 and region.taken(step, 0.4, 0.02).creeping == 0
+    assert Region(size=np.ones(2), damping=10.0).taken(step, 0.4, 0.005).creeping == 0

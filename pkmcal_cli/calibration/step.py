@@ -25,6 +25,7 @@ from pkmcal_cli.units.measurands import Measurand
 _STEP = 1e-8  # converged: the next step would be shorter than this share of the ranges ...
 _GAIN = 1e-11  # ... or lower chi-square by less than this share, or by less than rounding
 _MUCH = 100.0  # damping at which a fit that is far off has lost its way
+_CREEPING, _FAR = 8, 1e4  # steps that creep, and chi-square per value, at which a fit leads nowhere
 _HEAVY = 1e9  # damping that leaves the drives' errors where they are
 _LIGHT = 1e-9  # of damping for parameters, as a share of the largest squared column of the scaled Jacobian
 _SHOWN = 1e3  # times rounding that a step must promise to show second derivatives
@@ -65,8 +66,10 @@ def advance(
     region: `Region()` at first; compare: rows in doubt with other assemblies; else chi-square is continuous along the
     step. "step": it would be shorter than matters; "rounding", "gradient": it could lower chi-square by no more than
     rounding does, or by a negligible share; "no_descent": no step of any length lowers it, as the prediction fails
-    there, or none that needs little damping where chi-square is above `hopeless`.
+    there, or none that needs little damping where chi-square is above `hopeless`, or steps creep far from any fit.
     """
+    if region.creeping >= _CREEPING and near.chi2 > _FAR * problem.count:
+        return evaluation, region, "no_descent"
     place = (near.jacobian * scale.ranges, near.residual)  # (m, p), (m,)
     region, values = region.at(*place), evaluation.values[scale.index]
     full = _step(scale, values, near, near, region.bent)
@@ -85,7 +88,8 @@ def advance(
             linear = near.chi2 - damped.expected(step * scale.ranges)
             kept = _share(gained, linear - region.bent.added(step))
             if not region.doubts(step, kept):
-                return trial, region.taken(step, kept).remembering(step, place, gained, linear, _SHOWN * blur), ""
+                region = region.taken(step, kept, gained / near.chi2)
+                return trial, region.remembering(step, place, gained, linear, _SHOWN * blur), ""
             region = region.narrowed()
             continue
         region = region.refused(step)

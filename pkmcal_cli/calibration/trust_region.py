@@ -20,6 +20,7 @@ _POOR, _HALF, _GOOD = 0.25, 0.5, 0.75  # of the gain in chi-square that the line
 _LATE = 0.01  # of chi-square: what a step promises near the end of a fit
 _NARROWER, _WIDER = 0.25, 2.0
 _TIGHT = 0.01  # share of the radius by which a confined step may be shorter
+_STUCK, _CREEP = 1e4, 0.01  # damping and share of chi-square: a step that needs as much for as little creeps
 _FARTHEST = 1e-16  # of the largest squared singular value: the least damping that is looked at
 
 
@@ -28,13 +29,14 @@ class Region:
     """Radius, and what a range of each parameter (p,) moves the readings, both in standard uncertainties.
 
     damping: weight that holds the drives' errors where they are, and in a small share the parameters; bent: what second
-    derivatives add, once a step has kept little.
+    derivatives add, once a step has kept little; creeping: steps in turn that were much damped and gained little.
     """
 
     size: Array | float = 0.0
     radius: float = np.inf
     damping: float = 0.0
     bent: SecondOrder = field(default_factory=SecondOrder)
+    creeping: int = 0
 
     def at(self, jacobian: Array, residual: Array) -> Region:
         """Where readings, whitened, have these derivatives (m, p) by parameters in ranges, and residuals (m,)."""
@@ -79,15 +81,16 @@ class Region:
         narrower = np.inf if self.radius == np.inf else _NARROWER * self.length(step)
         return replace(self, radius=narrower, damping=max(10.0 * self.damping, 1.0))
 
-    def taken(self, step: Array, kept: float) -> Region:
-        """After a step (p,) that kept this share of what it promised."""
+    def taken(self, step: Array, kept: float, share: float) -> Region:
+        """After a step (p,) that kept this share of what it promised, and gained this share of chi-square."""
         radius, length = self.radius, self.length(step)
         if kept > _GOOD:
             radius = max(radius, _WIDER * length)
         elif kept < _POOR:
             radius = 0.5 * length
         eased = (0.1 if kept > _HALF else 1.0) * self.damping
-        return replace(self, radius=radius, damping=eased if eased >= 1.0 else 0.0)
+        creeping = self.creeping + 1 if self.damping > _STUCK and share < _CREEP else 0
+        return replace(self, radius=radius, damping=eased if eased >= 1.0 else 0.0, creeping=creeping)
 
 
 def confined(matrix: Array, right: Array, size: Array, radius: float) -> Array:

@@ -113,7 +113,7 @@ def known_parameters(path: str) -> KnownParameters:
         parameters=entries,
         names=names,
         covariance=covariance,
-        data=read_data(_plain(source.root, DATA), units),
+        data=read_data(_plain(source.root, DATA), units, _written(section.value)),
         fingerprint=_fingerprint(_plain(source.root, FINGERPRINT)),
         created=_date(head.get("created")),
         inputs={str(k): str(v) for k, v in _map(head.get("inputs")).items()},
@@ -135,6 +135,11 @@ def _plain(root: SourceNode, key: str) -> Any:
 
 def _map(plain: object) -> Mapping[Any, Any]:
     return plain if isinstance(plain, dict) else {}
+
+
+def _written(section: Mapping[str, SourceNode]) -> dict[str, Any]:
+    """Values by name as they stand in the file."""
+    return {name: _map(node.plain()).get("value") for name, node in section.items()}
 
 
 def _entry(node: SourceNode) -> KnownParameter:

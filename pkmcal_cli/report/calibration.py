@@ -284,5 +284,5 @@ class CalibrationReport:
         errors = self.after if isinstance(self.held_out, str) else self.held_out.after
         seen = evidence_of(self.problem, self.fit, errors, fitted)
         joint = correlations(self.model, self.budget)
-        data = data_lines(self.model, self.weighed, self.fit, self.budget)
+        data = data_lines(self.model, self.weighed, self.fit, self.budget, entries)
         return dump_parameters(entries, joint, provenance, self.model.fingerprint, seen, data)

@@ -117,7 +117,7 @@ class ImprovedFiles:
             shown, known = None if std is None else std / unit.scale, std is not None and not is_weak(reason)
             entries.append(ParameterEntry(p.name, unit.from_si(value), shown, p.unit, known, reason))
         seen = evidence_of(made.problem, fit, made.after.report, fitted=False)
-        data = data_lines(self.model, made.problem, fit, made.budget, effects)
+        data = data_lines(self.model, made.problem, fit, made.budget, entries, effects)
         return dump_parameters(entries, correlations(self.model, made.budget), provenance, fingerprint, seen, data)
 
     def _unit(self, parameter: str) -> Unit:

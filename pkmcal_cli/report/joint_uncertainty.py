@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from pkmcal_cli.calibration.error_budget import ErrorBudget
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.information import data_information
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.loading.parameter_text import Correlations
+from pkmcal_cli.loading.parameter_text import Correlations, ParameterEntry
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.report.parameters import parameter_unit
 
@@ -27,8 +27,15 @@ def correlations(model: Model, budget: ErrorBudget) -> Correlations | None:
 
 
 def data_lines(
-    model: Model, problem: Problem, fit: Fit, budget: ErrorBudget, without: Collection[str] = ()
+    model: Model,
+    problem: Problem,
+    fit: Fit,
+    budget: ErrorBudget,
+    entries: Sequence[ParameterEntry],
+    without: Collection[str] = (),
 ) -> list[str]:
     """What the rows alone say of all parameters, as a section of a parameter file; none where a fit has failed."""
     data = data_information(problem, fit, budget, without) if fit.usable else None
-    return [] if data is None else data.lines([parameter_unit(model, n).scale for n in data.names])
+    if data is None:
+        return []
+    return data.lines([parameter_unit(model, n).scale for n in data.names], {e.name: e.value for e in entries})

@@ -152,7 +152,10 @@ def _parameters(request: ComparisonRequest, kinds: list[str], limits: Sequence[G
     known = [known_parameters(f) for f in files]
     for k in known:
         if k.data is None:
-            message = "this parameter file has no complete section `data`, so it is unknown what its rows determine"
+            message = (
+                "this parameter file has no complete section `data`, or its numbers or those of `parameters` are not "
+                "those that were written, so it is unknown what its rows determine"
+            )
             raise BadInput.single(message, Location(k.file), "write it again with `pkmcal calibrate -o`", "parameters")
     compared = _compared(known)
     change = None

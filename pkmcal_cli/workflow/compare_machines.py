@@ -13,12 +13,16 @@ from pkmcal_cli.base.errors import BadInput, Fault, Location
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.complete_fit import FitOptions, refit
+from pkmcal_cli.calibration.error_budget import error_budget, held_parameters
 from pkmcal_cli.calibration.errors_before_after import kinds_of
+from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.holdout import fold_labels, replicate_groups
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.paired_errors import PairedErrors, held_out_squares, paired
+from pkmcal_cli.calibration.plausible import implausible_residuals, implausible_rows, implausible_values
 from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.range_check import range_check
 from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.calibration.unknown_sides import with_unknown_sides
 from pkmcal_cli.gross_errors.hints import measurement_hints, nothing_measured, rows_far_off, sample_at
@@ -34,6 +38,7 @@ from pkmcal_cli.workflow.determined import determined
 from pkmcal_cli.workflow.gross_row_reasons import beyond_noise
 
 _LISTED = 5  # rows
+_GROSS = 1e4  # chi-square per degree of freedom that no missing effect alone leaves
 _FOLDS = 5
 
 
@@ -90,8 +95,11 @@ def compare_machines(first: str, second: str, tables: tuple[str, ...], to: Repor
     kind = next((k for k in kinds[0] if k in kinds[1] and problems[0].measured[:, kinds[0][k]].any()), None)
     if kind is None:
         raise BadInput.single("the machines measure nothing of one kind", Location(tables[0]), code="measurements")
+    whole = [_whole(name, p, to) for name, p in zip((first, second), problems, strict=True)]
+    _check_explained(problems, whole, tables[0])
     squares = [
-        _squares(name, p, k[kind], labels, to) for name, p, k in zip((first, second), problems, kinds, strict=True)
+        _squares(name, p, fit.selected, k[kind], labels, to)
+        for name, p, fit, k in zip((first, second), problems, whole, kinds, strict=True)
     ]
     errors = paired(squares[0], squares[1], replicate_groups(problems[0]))
     if not errors.count:
@@ -131,8 +139,8 @@ def _check_plausible(
         raise BadInput([Fault("plausibility", text, Location(tables[0].files[0])) for text in hints[0]])
 
 
-def _squares(machine: str, problem: Problem, columns: list[int], folds: NDArray[np.intp], to: Reporter) -> Array:
-    """Squared errors of held-out rows. Raises BadInput where not even all rows together can be fitted."""
+def _whole(machine: str, problem: Problem, to: Reporter) -> Fit:
+    """The fit of all rows. Raises BadInput where not even these can be fitted."""
     model = problem.model
     selected = determined(model.name, problem, model.nominal, selection(model, "auto")).selected
     with to.step(f"{machine} on all rows"):
@@ -144,8 +152,35 @@ def _squares(machine: str, problem: Problem, columns: list[int], folds: NDArray[
     if why:
         message = f"the calibration of this machine by all rows does not succeed{why}"
         raise BadInput.single(message, Location(machine), "`pkmcal calibrate` says more", "measurements")
+    return whole
+
+
+def _check_explained(problems: Sequence[Problem], fits: Sequence[Fit], table: str) -> None:
+    """Whether the rows are explained by at least one machine that could have been built. Raises BadInput."""
+    reasons = [_implausible(p, f) if f.chi2_per_dof > _GROSS else () for p, f in zip(problems, fits, strict=True)]
+    if all(reasons):
+        message = f"neither machine explains these rows ({'; '.join(reasons[0])})"
+        raise BadInput.single(message, Location(table), "`pkmcal calibrate` says more", "plausibility")
+
+
+def _implausible(problem: Problem, fit: Fit) -> tuple[str, ...]:
+    """Why a fit is not to be believed."""
+    part = problem.without(fit.failed)
+    checked = range_check(part, fit, error_budget(part, fit, held_parameters(part, fit.selected, ())))
+    return (*implausible_values(part, checked), *implausible_residuals(part, fit), *implausible_rows(fit))
+
+
+def _squares(
+    machine: str,
+    problem: Problem,
+    selected: tuple[str, ...],
+    columns: list[int],
+    folds: NDArray[np.intp],
+    to: Reporter,
+) -> Array:
+    """Squared errors of held-out rows."""
     with to.step(f"{machine} on held-out rows"):
-        return held_out_squares(problem, selected, model.nominal, folds, columns)
+        return held_out_squares(problem, selected, problem.model.nominal, folds, columns)
 
 
 def _folds(problem: Problem, measured: Measurements) -> tuple[NDArray[np.intp], str]:
