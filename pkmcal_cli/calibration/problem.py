@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.lean import some_rows
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.identifiability import UNSEEN
+from pkmcal_cli.calibration.nominal_poses import NominalPoses
 from pkmcal_cli.calibration.prior import Prior
 from pkmcal_cli.calibration.whitening import Clusters
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.parts import Channel
-from pkmcal_cli.model.tool_channels import tcp_model
 from pkmcal_cli.prediction import Method, Rows, predict
 from pkmcal_cli.units.measurands import Measurand
 
@@ -29,7 +29,8 @@ class Problem:
     besides; `unseen`: singular value below which a direction is not seen; `weight` (N, C): of the whitened readings,
     by a robust fit, None for 1; `copies`: groups of rows that are the same to the last digit, of which the first alone
     is measured; `left_out`: channels of what was measured once that are not used; `method` of all predictions;
-    `side_sigma` (N, A): of the drives' travel where the side of approach is unknown, None for 0.
+    `side_sigma` (N, A): of the drives' travel where the side of approach is unknown, None for 0; `poses`: nominal ones,
+    those that are known of the same rows, else found where they are asked for.
     """
 
     model: Model
@@ -45,6 +46,11 @@ class Problem:
     left_out: tuple[int, ...] = ()
     method: Method = "exact"
     side_sigma: Array | None = None
+    poses: NominalPoses | None = None
+
+    def __post_init__(self) -> None:
+        if self.poses is None or not self.poses.holds_for(self.model, self.rows):
+            object.__setattr__(self, "poses", NominalPoses(self.model, self.rows))
 
     def __len__(self) -> int:
         return len(self.readings)
@@ -54,17 +60,19 @@ class Problem:
         """Number of measured values."""
         return int(self.measured.sum())
 
-    @cached_property
+    @property
     def nominal_poses(self) -> dict[str, Array]:
         """TCP coordinates (N,) that move independently, at nominal parameters; where these fail, drive readings."""
-        model = self.model
-        bare = tcp_model(model).with_options(())
-        names = [k for k, c in enumerate(bare.channels) if c.name in model.independent_coordinates]
-        predicted = predict(bare, model.nominal, self.rows)
-        if names and predicted.solved.all():
-            return {bare.channels[k].name: predicted.values[:, k] for k in names}
+        model, names = self.model, self.model.independent_coordinates
+        if names and (found := self._nominal.of(names)):
+            return found
         held = [a for a, d in enumerate(model.topology.drives) if not d.force_controlled and not d.redundant]
         return {model.actuators[a].name: self.rows.readings[:, a] for a in held}
+
+    @property
+    def _nominal(self) -> NominalPoses:
+        assert self.poses is not None
+        return self.poses
 
     @property
     def reading_sigma(self) -> Array:
@@ -129,9 +137,11 @@ class Problem:
 
     def part(self, rows: slice | NDArray[np.intp]) -> Problem:
         """Some rows as they are: what was measured once is in one of the parts only."""
+        some = self.rows.take(rows)
         return replace(
             self,
-            rows=self.rows.take(rows),
+            rows=some,
+            poses=self._nominal.part(rows, some),
             readings=self.readings[rows],
             sigma=some_rows(self.sigma, rows),
             drive_sigma=some_rows(self.drive_sigma, rows),

@@ -1,0 +1,53 @@
+"""Where the nominal machine is at the rows of a table: found once for it, its parts, and the models with effects."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.tool_channels import tcp_model
+from pkmcal_cli.prediction import Rows, predict
+
+
+@dataclass(frozen=True)
+class NominalPoses:
+    """At rows (N) of a model without instruments; `whole` and `within` (N,): of which table these rows are a part."""
+
+    model: Model
+    rows: Rows
+    whole: NominalPoses | None = None
+    within: slice | NDArray[np.intp] | None = None
+
+    @cached_property
+    def predicted(self) -> tuple[Array, NDArray[np.bool_]]:
+        """Coordinates (N, K) of the channels of `tcp_model`, and rows (N,) that are predicted."""
+        if self.whole is not None:
+            values, solved = self.whole.predicted
+            return values[self.within], solved[self.within]
+        found = predict(tcp_model(self.model).with_options(()), self.model.nominal, self.rows)
+        return found.values, found.solved
+
+    def of(self, names: Collection[str]) -> dict[str, Array]:
+        """Some coordinates (N,) by name, m or rad; none where they are not predicted in all rows."""
+        values, solved = self.predicted
+        channels = tcp_model(self.model).channels
+        return {c.name: values[:, k] for k, c in enumerate(channels) if c.name in names} if solved.all() else {}
+
+    def part(self, within: slice | NDArray[np.intp], rows: Rows) -> NominalPoses:
+        """Of some of the rows, as `rows` has them."""
+        return NominalPoses(self.model, rows, self, within)
+
+    def holds_for(self, model: Model, rows: Rows) -> bool:
+        """Whether these are the poses of a model, perhaps with other effects, at the same rows."""
+        if rows is not self.rows:
+            return False
+        nominal = dict(zip(model.names, model.nominal, strict=True)) if model is not self.model else None
+        return nominal is None or all(
+            nominal.get(n) == v for n, v in zip(self.model.names, self.model.nominal, strict=True)
+        )
