@@ -30,8 +30,8 @@ class NominalPoses:
         if self.whole is not None:
             values, solved = self.whole.predicted
             return values[self.within], solved[self.within]
-        found = predict(tcp_model(self.model).with_options(()), self.model.nominal, self.rows)
-        return found.values, found.solved
+        prediction = predict(tcp_model(self.model).with_options(()), self.model.nominal, self.rows)
+        return prediction.values, prediction.solved
 
     def of(self, names: Collection[str]) -> dict[str, Array]:
         """Some coordinates (N,) by name, m or rad; none where they are not predicted in all rows."""

@@ -64,8 +64,8 @@ class Problem:
     def nominal_poses(self) -> dict[str, Array]:
         """TCP coordinates (N,) that move independently, at nominal parameters; where these fail, drive readings."""
         model, names = self.model, self.model.independent_coordinates
-        if names and (found := self._nominal.of(names)):
-            return found
+        if names and (poses := self._nominal.of(names)):
+            return poses
         held = [a for a, d in enumerate(model.topology.drives) if not d.force_controlled and not d.redundant]
         return {model.actuators[a].name: self.rows.readings[:, a] for a in held}
 

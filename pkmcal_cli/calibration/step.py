@@ -68,12 +68,10 @@ def advance(
     rounding does, or by a negligible share; "no_descent": no step of any length lowers it, as the prediction fails
     there, or none that needs little damping where chi-square is above `hopeless`, or steps creep far from any fit.
     """
-    if region.creeping >= _CREEPING and near.chi2 > _FAR * problem.count:
-        return evaluation, region, "no_descent"
     place = (near.jacobian * scale.ranges, near.residual)  # (m, p), (m,)
     region, values = region.at(*place), evaluation.values[scale.index]
     full = _step(scale, values, near, near, region.bent)
-    blur = _blur(problem, near.chi2)
+    blur, lost = _blur(problem, near.chi2), region.creeping >= _CREEPING and near.chi2 > _FAR * problem.count
     hoped = near.chi2 - near.expected(full * scale.ranges) - region.bent.added(full)
     if end := _end(full, hoped, near.chi2, blur):
         last = _moved(problem, scale, evaluation, near, full, compare)
@@ -81,7 +79,7 @@ def advance(
     while True:
         damped = condensed(problem, evaluation, region.damping) if region.damping > 0.0 else near
         step = full if region.holds(full) else _step(scale, values, near, damped, region.bent, region)
-        if np.abs(step).max() < _STEP if len(step) else region.damping > _HEAVY:
+        if lost or (np.abs(step).max() < _STEP if len(step) else region.damping > _HEAVY):
             return evaluation, region, "no_descent"
         trial = _moved(problem, scale, evaluation, damped, step, compare)
         if trial.solved and (gained := near.chi2 - chi_square(problem, trial)) >= -blur:
@@ -93,8 +91,7 @@ def advance(
             region = region.narrowed()
             continue
         region = region.refused(step)
-        if near.chi2 > hopeless and region.damping > _MUCH:
-            return evaluation, region, "no_descent"
+        lost |= near.chi2 > hopeless and region.damping > _MUCH
 
 
 def _share(gained: float, promised: float) -> float:
