@@ -17,6 +17,7 @@ from tests.sensor_cases_planar import PLANAR
 from tests.sensor_cases_spatial import SPATIAL
 
 COVERED = ("grid_in_unknown_frame", "ballbar_unknown_ball_in_space", "tracker_ballbar_and_bench")
+K95 = 1.96
 CASES = {case.name: case for case in (*PLANAR, *SPATIAL, *MIXED)}
 
 
@@ -69,12 +70,12 @@ def test_planted_errors_come_back(case: Case, tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", COVERED)
 def test_intervals_cover(name: str, tmp_path: Path) -> None:
-    """Forty machines from the prior, forty noises: 95 % intervals hold 90 to 99 % of the true values."""
+    """Forty machines from the prior, forty noises: 95 % intervals hold 90 to 99 % of the true values.
+
+    By the data alone: what is held is at its nominal value in these machines, so what its ranges add must not count.
+    """
     case, inside = CASES[name], []
     for seed in range(40):
         result, true = recovered(case, seed, tmp_path / str(seed))
-        for p in result["parameters"]:
-            if p["interval"] is not None:
-                low, high = (end * UNITS[p["unit"]] for end in p["interval"])
-                inside.append(low <= true[p["name"]] <= high)
+        inside += [abs(d) <= K95 for d in deviations(result, true).values()]
     assert 0.90 <= np.mean(inside) <= 0.99, np.mean(inside)
