@@ -94,7 +94,7 @@ def test_a_camera_that_stands_anywhere(tmp_path: Path) -> None:
     assert len(datum.split(",")) == 3
     machine.write_text(machine.read_text(encoding="utf-8") + datum + "\n", encoding="utf-8")
     fitted, known = calibrated(machine, table), calibrated(HANGPRINTER, HANGPRINTER_DATA)
-    assert fitted["status"] == "incomplete"
+    assert fitted["status"] == known["status"] == "converged"  # the radii, which are held, explain what is left
     assert fitted["after"]["length"]["rms"] < 1.02 * known["after"]["length"]["rms"]
     assert not any(u["kind"] == "null" for u in fitted["undetermined"])
 

@@ -173,7 +173,8 @@ def test_held_out_rows_that_cannot_be_predicted_have_no_error() -> None:
 def test_the_diagnosis_of_the_others_is_what_it_would_be(tmp_path: Path) -> None:
     done = clean(run("diagnose", *spoilt(TABLE, out_of_reach, tmp_path), "--json"))
     found = json.loads(done.out)
-    assert (found["verdict"], found["n_failed"]) == ("clean", 1)
+    assert (found["verdict"], found["effects"]) == ("measurement_fault", [])
+    assert [row["id"] for row in found["outliers"]] == ["21"], "the row out of reach is at fault, and nothing besides"
 
 
 def test_a_row_that_nothing_brings_back_is_compared_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
