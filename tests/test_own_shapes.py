@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from pytest import approx
 
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
@@ -64,8 +65,13 @@ def test_words_and_keys_name_it(tmp_path: Path) -> None:
     for words in ("found 1 effect", "straight@right.x, with a shape of its own", "The guide right.x is not straight."):
         assert words in said.err + said.out
     assert [(s["name"], s["effect"]) for s in keys.json["unexplained"]] == [("unexplained@right.x", "straight@right.x")]
-    page = tmp_path / "page.html"
+    assert (said.code, keys.code, keys.json["unknown"]) == (1, 1, [])
+
+
+@pytest.mark.slow
+def test_the_sheet_names_it(tmp_path: Path) -> None:
+    table, page = tmp_path / "t.csv", tmp_path / "page.html"
+    table.write_text(STRAIGHT.measured().csv_text(), encoding="utf-8")
     run("report", SCISSORS, table, "-o", page)
     text = page.read_text(encoding="utf-8")
     assert "The guide right.x is not straight." in text and "unexplained@right.x.w1" not in text, "weights say nothing"
-    assert (said.code, keys.code, keys.json["unknown"]) == (1, 1, [])
