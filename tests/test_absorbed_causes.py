@@ -34,7 +34,8 @@ def diagnosed(machine: str, table: str) -> Done:
 
 
 @pytest.mark.parametrize(
-    ("machine", "drive", "constant", "parameter"), [("triglide", "q2", 4.0, "xb2r"), ("scissors", "q2", 12.0, "ya2")]
+    ("machine", "drive", "constant", "parameter"),
+    [pytest.param("triglide", "q2", 4.0, "xb2r", marks=pytest.mark.slow), ("scissors", "q2", 12.0, "ya2")],
 )
 def test_a_constant_that_a_dimension_takes_up(
     machine: str, drive: str, constant: float, parameter: str, tmp_path: Path
@@ -53,6 +54,7 @@ def test_a_constant_that_a_dimension_takes_up(
     assert with_it == pytest.approx(without, rel=0.1), "no worse is held out by the dimension"
 
 
+@pytest.mark.slow
 def test_a_wrong_cell_beside_it_is_neither_its_cause_nor_hides_it(tmp_path: Path) -> None:
     """How far ranges turn out to be is asked of the other rows, and what they predict without the cause stays good."""
     table = Path(with_constants(tmp_path / "t.csv", "triglide", {"q2": 4.0}))
@@ -76,7 +78,7 @@ def test_what_is_improved_by_it_is_not_claimed(tmp_path: Path) -> None:
     assert before == pytest.approx(fitted, rel=0.2) and after == pytest.approx(before, rel=0.1)
 
 
-@pytest.mark.parametrize("groups", ["groups: {upper: [q1, q4]}\n", ""])
+@pytest.mark.parametrize("groups", [pytest.param("groups: {upper: [q1, q4]}\n", marks=pytest.mark.slow), ""])
 def test_a_constant_of_two_drives(groups: str, tmp_path: Path) -> None:
     """3 mm in both upper carriages of the Scissors: of the group where the file has it, else of each drive."""
     file = tmp_path / "m.yaml"

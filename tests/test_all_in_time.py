@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.loading.covariates import with_directions
@@ -80,6 +81,7 @@ def test_what_is_there_besides_comes_out_as_advised(tmp_path: Path) -> None:
     assert done.json["unknown"] == []
 
 
+@pytest.mark.slow
 def test_a_smooth_drift_is_no_step_and_told_alone_too(tmp_path: Path) -> None:
     table = written(tmp_path / "t.csv", moved((), lambda u: 2 * SHIFT * u))
     done = clean(run_once("diagnose", TRIGLIDE, table, "--json"))

@@ -73,6 +73,7 @@ def test_range_does_not_matter(keyword: str, parameters: tuple[str, ...]) -> Non
     assert one.held_out.gain == pytest.approx(two.held_out.gain, rel=0.02)
 
 
+@pytest.mark.slow
 def test_loop_keeps_it() -> None:
     """The improved machine has it in its size, and predicts rows that took no part the better for it."""
     _, table = coarse()

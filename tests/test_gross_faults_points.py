@@ -104,6 +104,7 @@ tool_point: plate
 """
 
 
+@pytest.mark.slow
 def test_inches_of_a_leg_are_named_where_most_rows_are_out_of_reach(tmp_path: Path) -> None:
     """A tracker that stands anywhere has nothing to say of it: that is no explanation."""
     machine, poses, table = (tmp_path / n for n in ("m.yaml", "p.csv", "t.csv"))

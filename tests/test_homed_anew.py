@@ -62,7 +62,8 @@ def test_one_drive_homed_anew_every_day_is_one_cause(tmp_path: Path) -> None:
     assert "zero@q2[each]" in names and set(names) <= {"zero@q2[each]", "zero_drift@q2"}
 
 
-@pytest.mark.parametrize("drives", [(1, 1, 1, 1), pytest.param((0, 1, 0, 0), marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("drives", [(1, 1, 1, 1), (0, 1, 0, 0)])
 def test_a_drift_that_the_time_within_the_sessions_shows_is_called_so(
     drives: tuple[int, ...], tmp_path: Path
 ) -> None:

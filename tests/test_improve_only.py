@@ -34,6 +34,7 @@ def test_a_displacement_without_a_name_is_not_added_unless_it_is_listed(tables: 
     assert "of the catalogue" not in done.err and "only backlash@all was tested" in done.err
 
 
+@pytest.mark.slow
 def test_a_displacement_without_a_name_can_be_listed(tables: dict[str, Path]) -> None:
     done = clean(run_once("improve", TRIGLIDE, tables["step"], "--only", "unexplained@q2", "--json"))
     assert [(s["effect"], s["at"], s["accepted"]) for s in done.json["steps"]] == [("unexplained", "q2", True)]

@@ -32,7 +32,8 @@ def asked(file: Path, readings: np.ndarray, values: np.ndarray, limit: float = L
     return next_points(MACHINE, str(file), None, "auto", aim=aim, budget=150, seed=0, to=Reporter(True))
 
 
-@pytest.mark.parametrize("seed", [8, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [8, 3])
 def test_points_as_good_as_those_of_a_plan_that_knows_all(seed: int, tmp_path: Path) -> None:
     """Row by row, at the noise as it is; how many there are depends on how large the noise turned out to be."""
     found, knowing = grown(CASES[0], seed, tmp_path), Knowing.of(CASES[0], seed, tmp_path)

@@ -84,7 +84,7 @@ def test_ranges_as_a_prior_place_no_base(folder: Path) -> None:
     assert both[0] == pytest.approx(both[1], abs=1e-3)
 
 
-@pytest.mark.parametrize("command", ["calibrate", "diagnose"])
+@pytest.mark.parametrize("command", ["calibrate", pytest.param("diagnose", marks=pytest.mark.slow)])
 def test_frames_of_a_parameter_file_are_doubted_where_the_tracker_was_moved(folder: Path, command: str) -> None:
     """Those that the fit identifies are not, nor those of the set-up that the file is of."""
     AFTER.table(folder / "moved.csv", 3)

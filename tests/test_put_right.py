@@ -74,6 +74,7 @@ def test_an_effect_is_found_beside_a_mistake(tmp_path: Path) -> None:
     assert "; besides, `q1` and `q2` look swapped" in done.err
 
 
+@pytest.mark.slow
 def test_improve_keeps_its_reservation(tmp_path: Path) -> None:
     """Nothing is improved by a table that is wrong; the file says so."""
     table = spoilt(tmp_path / "t.csv", MISTAKES["swapped drives"][0])

@@ -138,6 +138,7 @@ def test_weighted_squares_of_normal_noise_are_as_large_as_without_weights(loss: 
     assert inflation / float(weight.mean()) == pytest.approx(1 / 0.95, rel=0.03)
 
 
+@pytest.mark.slow
 def test_the_loop_bears_them_too() -> None:
     there = few(spoilt(0.12, 48)[0])
     start, k = moved(there)

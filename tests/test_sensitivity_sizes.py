@@ -110,6 +110,7 @@ def test_a_rigid_model_of_a_strained_machine_is_worse_and_says_what_it_does_not_
     assert "method" not in yaml.safe_load((tmp_path / "exact").read_text())["provenance"]
 
 
+@pytest.mark.slow
 def test_rows_that_are_joined_need_the_exact_method() -> None:
     quick = ("--method", "rigid", "--starts", "1", "--holdout", "none")
     done = clean(run("calibrate", MACHINES / "five-bar.yaml", MACHINES / "five-bar.csv", *quick))

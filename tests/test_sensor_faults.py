@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.command import MACHINES, clean, column, run
+from tests.in_ci import in_ci
 
 EVERY = """
 parameters:
@@ -265,7 +266,7 @@ def test_tables_of_two_sessions_are_checked(tmp_path: Path) -> None:
     assert clean(run("check", *two_sessions(tmp_path))).code == 0
 
 
-@pytest.mark.parametrize("command", ["simulate", pytest.param("observability", marks=pytest.mark.slow), "calibrate"])
+@pytest.mark.parametrize("command", in_ci(["simulate"], ["simulate", "observability", "calibrate"]))
 def test_parameters_of_sessions_are_used_again(command: str, tmp_path: Path) -> None:
     """The machine is calibrated; the next day's table has sessions of its own."""
     file, first, second = two_sessions(tmp_path)

@@ -237,6 +237,7 @@ def test_a_session_that_is_off_as_a_whole_is_no_wrong_row(monkeypatch: pytest.Mo
     assert done.code == 1 and "1 row is far from what the other rows predict: mon.csv:5, `x` by up to" in done.err
 
 
+@pytest.mark.slow
 def test_further_rows_belong_to_the_last_session(tmp_path: Path) -> None:
     """The earlier ones are over; of a plan of several each is measured as a whole, with the datum at both ends."""
     measured()

@@ -70,19 +70,26 @@ def proposed(machine: str, *more: str, points: int = 40) -> tuple[Done, Array]:
     return done, np.array([[point[name] for name in drives] for point in done.json["points"]])
 
 
+MIDDLE = ("--grid", "x=-10:10:2,y=-10:10:2,z=-450:-430:2", "--aim", "l1a,l2a,l1b,l2b")
+
+
 def test_what_a_plan_proposes_is_in_the_workspace_and_fills_it() -> None:
     """A small grid in the middle; points for the arms of the delta lie on the rim of the cylinder, none beyond."""
-    grid = ("--grid", "x=-10:10:2,y=-10:10:2,z=-450:-430:2", "--aim", "l1a,l2a,l1b,l2b")
-    _, q = proposed(with_workspace("delta4", ROUND), *grid)
+    _, q = proposed(with_workspace("delta4", ROUND), *MIDDLE)
     x, y, z = truth("delta4").forward(q * 1e-3).tcp[:, :3].T  # type: ignore[attr-defined]
     assert np.hypot(x, y).max() < 0.1 + 1e-6 and z.min() > -0.54 - 1e-6 and z.max() < -0.34 + 1e-6
     assert np.hypot(x, y).max() > 0.09 and np.ptp(z) > 0.18
+
+
+@pytest.mark.slow
+def test_a_box_of_a_workspace_holds_what_a_plan_proposes() -> None:
     box = "box: {x: [0, 50], z: [-500, -480]}"
-    _, q = proposed(with_workspace("delta4", box + ", cylinder: null"), *grid)
+    _, q = proposed(with_workspace("delta4", box + ", cylinder: null"), *MIDDLE)
     x, _, z = truth("delta4").forward(q * 1e-3).tcp[:, :3].T  # type: ignore[attr-defined]
     assert x.min() > -1e-6 and x.max() < 0.05 + 1e-6 and z.min() > -0.5 - 1e-6 and z.max() < -0.48 + 1e-6
 
 
+@pytest.mark.slow
 def test_limits_of_drives_bound_what_a_plan_proposes() -> None:
     file = with_workspace("delta4", "drives: {q1: [-20, 30 mm], q3: [0, 0.05 m]}, cylinder: null, box: {x: [-80, 80]}")
     _, q = proposed(file, "--grid", "x=-10:10:2,y=-60:60:2,z=-450:-430:2", "--aim", "l1a,l2a", points=20)
@@ -170,9 +177,8 @@ def test_a_circle_in_the_plane_and_other_units(monkeypatch: pytest.MonkeyPatch) 
 @pytest.mark.parametrize(
     "command",
     [
-        ("sensitivity",),
         ("plan", "--grid", "x=0:9:3", "--aim", "r"),
-        *(pytest.param((name,), marks=pytest.mark.slow) for name in ("observability", "plan")),
+        *(pytest.param((name,), marks=pytest.mark.slow) for name in ("sensitivity", "observability", "plan")),
     ],
     ids=" ".join,
 )
