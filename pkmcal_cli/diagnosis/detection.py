@@ -7,13 +7,13 @@ smooth shape explains counts as noise, as a diagnosis estimates it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaincinv
+from scipy.special import gammaincinv, ndtri
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
@@ -30,7 +30,8 @@ from pkmcal_cli.diagnosis.selection_bias import Acceptance
 from pkmcal_cli.diagnosis.trial import Check, Counted, OneRow, Procedure, Trial
 
 _DETECTED = 0.8
-_HALVINGS = 6  # of an interval of a factor of two: finer than so many draws tell
+_PARTS = 64  # of an interval of a factor of two: finer than so many draws tell
+_RARE = 1e-4  # rates that are not told apart from 0 and 1
 _TRIED, _SHOWN = 24, 20.0  # sizes from which is learned how effects are accepted, up to so many standard uncertainties
 _SMOOTH = 0.15  # standard uncertainties
 _KNOWN = 1e8  # degrees of freedom, half
@@ -52,7 +53,7 @@ class Detection:
         self.linear, self.problem, self.seed = linear, problem, seed
         self.hypotheses, self.scores = tuple(hypotheses), linear.scores_of(hypotheses)
         self._rivals = tuple(rivals)
-        self._schemes: dict[tuple[bytes, bool], _Scheme] = {}
+        self._schemes: dict[tuple[bytes, bool, float], _Scheme] = {}
 
     @cached_property
     def _labels(self) -> list[NDArray[np.intp]]:
@@ -64,19 +65,8 @@ class Detection:
         if not self.scores[k].count:
             return float("inf")
         trial = self._trial(k, direction, procedure)
-        high = minimal_detectable(float(direction @ self.scores[k].whole @ direction))
-        high = min(high, _LARGEST) if np.isfinite(high) else 1.0
-        while trial.rate(high) < _DETECTED:
-            high = 2.0 * high
-            if high > _LARGEST:
-                return float("inf")
-        low = 0.5 * high
-        while trial.rate(low) >= _DETECTED:
-            low, high = 0.5 * low, low
-        for _ in range(_HALVINGS):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if trial.rate(middle) < _DETECTED else (low, middle)
-        return 0.5 * (low + high)
+        begin = minimal_detectable(float(direction @ self.scores[k].whole @ direction))
+        return _reaching(trial.rate, min(begin, _LARGEST) if np.isfinite(begin) else 1.0)
 
     def acceptance(self, k: int, direction: Array, procedure: Procedure) -> Acceptance:
         """How hypothesis k is accepted by the size at which it appears, in a direction (p,) that shows."""
@@ -90,15 +80,15 @@ class Detection:
         return Acceptance(grid, np.maximum.accumulate(chance))
 
     def _trial(self, k: int, direction: Array, procedure: Procedure) -> Trial:
-        labels, rough = self._labels[k], procedure.scale.rough
-        key = (labels.tobytes(), rough)
+        labels, rough, checked = self._labels[k], procedure.scale.rough, procedure.scale.checked
+        key = (labels.tobytes(), rough, checked)
         if key not in self._schemes:
             same = [self.hypotheses[j] for j, label in enumerate(self._labels) if label.tobytes() == key[0]]
             names = {h.name for h in same}
             others = [h for h in self._rivals if h.name not in names]
             folds = value_folds(self.problem, labels).ravel()
             shapes = self._shapes if rough else np.zeros((len(self.linear.residual), 0))
-            self._schemes[key] = _Scheme.of(self.linear, (same, others), folds, shapes, self.seed)
+            self._schemes[key] = _Scheme.of(self.linear, (same, others), folds, shapes, checked, self.seed)
         return self._schemes[key].trial(self.hypotheses[k], direction, procedure)
 
     @cached_property
@@ -114,10 +104,11 @@ class _Scheme:
 
     columns: Columns
     channels: int
+    variance: Array  # (D,) of the noise as it is estimated, over the true one
     drawn: DrawnNoise
     contestants: Contestants
     shapes: NDArray[np.intp]  # their places among columns
-    rows: dict[int, NDArray[np.intp]]  # of each row that may carry an effect, places of its values
+    rows: dict[int, tuple[NDArray[np.intp], Array]]  # that may carry an effect: places of values, inverse information
     carriers: dict[Hypothesis, list[int]]  # rows that may carry one
     shaped: Linear  # with the shapes projected out too
 
@@ -128,9 +119,11 @@ class _Scheme:
         hypotheses: tuple[Sequence[Hypothesis], Sequence[Hypothesis]],
         fold: NDArray[np.intp],
         shapes: Array,
+        checked: float,
         seed: int,
     ) -> _Scheme:
-        """Of those confirmed by a fold (n,) of each value, -1: in none, and others; shapes (n, k)."""
+        """Of those confirmed by a fold (n,) of each value, -1: in none, and others; shapes (n, k); checked: degrees of
+        freedom by which the noise is estimated."""
         judged = [part for h in hypotheses[0] for part in h.nested_parts]
         columns = Columns.of(linear, [*judged, *(part for h in hypotheses[1] for part in h.nested_parts)])
         scores = dict(zip(columns.places, linear.scores_of(list(columns.places)), strict=True))
@@ -140,13 +133,15 @@ class _Scheme:
         besides = np.hstack([shapes, _of_rows(linear, rows)])
         drawn = drawn_noise(linear, columns, held_out, besides, fold, seed)
         first, c = columns.values.shape[1] + shapes.shape[1], linear.channels
+        places = {row: first + c * j + np.arange(c) for j, row in enumerate(rows)}
         return cls(
             columns=columns,
             channels=c,
+            variance=_drawn_variances(0.5 * checked, drawn.chance),
             drawn=drawn,
             contestants=Contestants.of([*hypotheses[0], *hypotheses[1]], scores, drawn),
             shapes=np.arange(columns.values.shape[1], first),
-            rows={row: first + c * j + np.arange(c) for j, row in enumerate(rows)},
+            rows={row: (at, _inverse(drawn.information[np.ix_(at, at)])) for row, at in places.items()},
             carriers=carriers,
             shaped=linear.projecting(linear.projected, extra=shapes if shapes.shape[1] else None),
         )
@@ -180,21 +175,23 @@ class _Scheme:
 
     def _row(self, row: int, part: Hypothesis, columns: NDArray[np.intp], direction: Array) -> OneRow:
         """A row that may carry a part: what it adds to the statistic, and the statistic with its values left out."""
-        score, places, at = self.contestants.scores[part], self.drawn.places[part], self.rows[row]
+        score, places, (at, out) = self.contestants.scores[part], self.drawn.places[part], self.rows[row]
         known = np.hstack([self.drawn.gradient, (self.drawn.information[:, columns] @ direction)[:, None]])
         between = score.basis.T @ self.drawn.information[np.ix_(places, at)]  # (m, C)
         gradient, of_row = score.basis.T @ known[places], known[at]
         raw = score.basis.T @ self.columns.values[self.channels * row : self.channels * (row + 1), places].T
-        out = np.linalg.pinv(self.drawn.information[np.ix_(at, at)], rcond=1e-9)
         rest, information = gradient - between @ out @ of_row, np.diag(score.information) - between @ out @ between.T
-        without = Quadratic.of(np.linalg.pinv(information, rcond=1e-9) @ rest, rest)
+        without = Quadratic.of(_inverse(information) @ rest, rest)
         return OneRow(Quadratic.of(gradient / score.information[:, None], raw @ of_row), without)
+
+    @cached_property
+    def _among_shapes(self) -> Array:
+        """Inverse information of the shapes."""
+        return _inverse(self.drawn.information[np.ix_(self.shapes, self.shapes)])
 
     def _counted(self, columns: NDArray[np.intp], direction: Array, procedure: Procedure) -> Counted:
         """What of an effect counts as noise, and how the noise is estimated."""
-        scale, drawn = procedure.scale, self.drawn
-        half = 0.5 * scale.checked
-        variance = np.asarray(gammaincinv(half, drawn.chance) / half) if half < _KNOWN else np.ones(len(drawn.chance))
+        scale, drawn, variance = procedure.scale, self.drawn, self.variance
         effect = drawn.information[:, columns] @ direction
         linear = direction @ drawn.gradient[columns]
         if scale.whole:
@@ -202,13 +199,49 @@ class _Scheme:
             return Counted(variance=variance, square=square / scale.checked, linear=linear / scale.checked)
         if not scale.rough:
             return Counted(variance=variance, square=0.0, linear=np.zeros_like(variance))
-        among = drawn.information[np.ix_(self.shapes, self.shapes)]
-        weights = np.linalg.lstsq(among, effect[self.shapes], rcond=1e-9)[0]
-        linear = linear - weights @ drawn.gradient[self.shapes]
+        linear = linear - self._among_shapes @ effect[self.shapes] @ drawn.gradient[self.shapes]
         left = self.shaped.free(self.columns.values[:, columns] @ direction)
         kept, whole = self.shaped.freedom > FREE, float(left @ left)
         mean = float((left[kept] ** 2 / self.shaped.freedom[kept]).mean())
         return Counted(variance=variance, square=mean, linear=linear * (mean / whole if whole > 0 else 0.0))
+
+
+def _reaching(rate: Callable[[float], float], begin: float) -> float:
+    """The size at which a rate that grows reaches what counts as detected, looked for from `begin` on; inf for never.
+
+    Known to a share of a factor of two. Sizes in between are tried where a normal distribution would have it.
+    """
+    high, above = begin, rate(begin)
+    low, below = 0.0, 0.0
+    while above < _DETECTED:
+        low, below = high, above
+        high = 2.0 * high
+        if high > _LARGEST:
+            return float("inf")
+        above = rate(high)
+    while not low:
+        half = rate(0.5 * high)
+        low, below, high, above = (0.5 * high, half, high, above) if half < _DETECTED else (0.0, 0.0, 0.5 * high, half)
+    step, first, last = (high - low) / _PARTS, 0, _PARTS
+    while last - first > 1:
+        seen = ndtri(np.clip([below, _DETECTED, above], _RARE, 1 - _RARE))
+        share = (seen[1] - seen[0]) / (seen[2] - seen[0]) if seen[2] > seen[0] else 0.5
+        tried = min(max(first + round(share * (last - first)), first + 1), last - 1)
+        there = rate(low + tried * step)
+        first, below, last, above = (tried, there, last, above) if there < _DETECTED else (first, below, tried, there)
+    return low + 0.5 * (first + last) * step
+
+
+def _drawn_variances(half: float, chance: Array) -> Array:
+    """Estimates (D,) of a variance of 1 at chances (D,), with twice `half` degrees of freedom."""
+    return np.asarray(gammaincinv(half, chance) / half) if half < _KNOWN else np.ones(len(chance))
+
+
+def _inverse(information: Array) -> Array:
+    """Of an information (p, p), zero along what it does not contain."""
+    if information.shape == (1, 1):  # most of them: a decomposition is dear
+        return np.where(information > 0, 1.0 / np.where(information > 0, information, 1.0), 0.0)
+    return np.asarray(np.linalg.pinv(information, rcond=1e-9))
 
 
 def _of_rows(linear: Linear, rows: Sequence[int]) -> Array:
