@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,15 @@ class NominalPoses:
         """Of some of the rows, as `rows` has them."""
         return NominalPoses(self.model, rows, self, within)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For other processes: a part goes without its table, with what is known of it."""
+        known = self.predicted if self._known else None
+        return _restored, (self.model, self.rows, known)
+
+    @property
+    def _known(self) -> bool:
+        return "predicted" in self.__dict__ or (self.whole is not None and self.whole._known)
+
     def holds_for(self, model: Model, rows: Rows) -> bool:
         """Whether these are the poses of a model, perhaps with other effects, at the same rows."""
         if rows is not self.rows:
@@ -51,3 +61,11 @@ class NominalPoses:
         return nominal is None or all(
             nominal.get(n) == v for n, v in zip(self.model.names, self.model.nominal, strict=True)
         )
+
+
+def _restored(model: Model, rows: Rows, known: tuple[Array, NDArray[np.bool_]] | None) -> NominalPoses:
+    """As another process gets it."""
+    poses = NominalPoses(model, rows)
+    if known is not None:
+        poses.__dict__["predicted"] = known
+    return poses
