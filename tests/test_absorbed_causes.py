@@ -68,6 +68,7 @@ def test_a_wrong_cell_beside_it_is_neither_its_cause_nor_hides_it(tmp_path: Path
     assert effect["heldout_rms"] == pytest.approx(effect["heldout_rms_without"], rel=0.1)
 
 
+@pytest.mark.slow
 def test_what_is_improved_by_it_is_not_claimed(tmp_path: Path) -> None:
     """The error before is that of `calibrate`, which has it in a dimension: nothing falls, so nothing is confirmed."""
     table = with_constants(tmp_path / "t.csv", "triglide", {"q2": 4.0})

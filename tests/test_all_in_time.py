@@ -68,6 +68,7 @@ def test_rows_out_of_order_are_judged_by_time(tmp_path: Path) -> None:
     assert "the order of the rows is taken from `time`" in done.err
 
 
+@pytest.mark.slow
 def test_what_is_there_besides_comes_out_as_advised(tmp_path: Path) -> None:
     """Rows from the step on as another session: the set-up and the play of a drive are found, and nothing unknown."""
     rows = moved((Planted("backlash", "q1", {"b": 60e-6}),), step)

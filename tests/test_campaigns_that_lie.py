@@ -40,7 +40,7 @@ def test_some_that_lie(name: str) -> None:
     assert end.status in BY_NAME[name].expected and (end.code != 0 or end.status == "incomplete"), end
 
 
-@pytest.mark.parametrize("name", in_ci(["constant, gantry"], ["constant, gantry", "angle reversed, five-bar"]))
+@pytest.mark.parametrize("name", in_ci(["angle reversed, five-bar"], ["constant, gantry", "angle reversed, five-bar"]))
 def test_a_hint_settles_that_calibrate_fails(name: str) -> None:
     """So that the others need not be fitted."""
     end = told(BY_NAME[name], whole=True)

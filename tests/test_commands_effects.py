@@ -79,7 +79,7 @@ def test_it_moves_what_it_moves_where_it_is_declared(tmp_path: Path, name: str) 
     assert found["parameter"] in {p["name"] for p in found["parameters"]}
 
 
-@pytest.mark.parametrize("machine", [SCISSORS, TRIGLIDE, HANGPRINTER])
+@pytest.mark.parametrize("machine", [SCISSORS, TRIGLIDE, pytest.param(HANGPRINTER, marks=pytest.mark.slow)])
 def test_every_effect_is_there_with_a_size_or_a_reason(machine: str) -> None:
     """At every place that the machine has for it, once."""
     every = simulated(machine)["simulated"]

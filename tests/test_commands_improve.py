@@ -178,6 +178,7 @@ def test_nothing_to_improve(tmp_path: Path) -> None:
     assert again.json["chi2_per_dof"] == pytest.approx(plain.json["chi2_per_dof"], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_fails_on_what_is_asked_for(tmp_path: Path) -> None:
     """A step in time is in no catalogue: something is missing still, whatever was accepted."""
     lines = Path(CLEAN).read_text(encoding="utf-8").splitlines()
@@ -222,6 +223,7 @@ def test_wrong_options(tmp_path: Path, halves: tuple[Path, Path]) -> None:
     assert existing.read_text(encoding="utf-8") == "mine"
 
 
+@pytest.mark.slow
 def test_too_few_rows_to_keep_some_apart(tmp_path: Path, halves: tuple[Path, Path]) -> None:
     few = tmp_path / "few.csv"
     few.write_text(

@@ -69,7 +69,7 @@ def test_what_is_shown_is_readable() -> None:
 @pytest.mark.parametrize(
     ("aimed", "kind"),
     in_ci(
-        ["separate:backlash@q2,backlash@q4-separate", "xa1,l3-determine"],
+        ["xa1,l3-determine"],
         [
             ("backlash@q3", "see"),
             ("straight@left.x", "see"),

@@ -42,6 +42,7 @@ def test_a_displacement_without_a_name_can_be_listed(tables: dict[str, Path]) ->
     assert not [s for s in other.json["steps"] if s["at"] != "q3"]
 
 
+@pytest.mark.slow
 def test_the_verdict_and_the_end_say_that_only_some_were_tested(tables: dict[str, Path]) -> None:
     """A scale of q1 looks like noise to that of q3 alone; no verdict is one about all effects."""
     done = clean(run_once("improve", TRIGLIDE, tables["scaled"], "--only", "scale@q3"))

@@ -81,6 +81,7 @@ def test_what_does_not_go_together_is_refused(options: tuple[str, ...], told: st
     assert done.code == 2 and told in done.err
 
 
+@pytest.mark.slow
 def test_without_redundancy_every_method_finds_the_same(tmp_path: Path) -> None:
     """No loads, no redundancy: nothing is strained. Derivatives by differences lead to the same end."""
     found = {}

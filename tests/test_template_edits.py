@@ -76,6 +76,7 @@ def test_what_the_heads_say_can_be_changed(
     assert (found["degrees_of_freedom"], found["actuators"], found["degree_of_redundancy"]) == counts
 
 
+@pytest.mark.slow
 def test_the_squareness_of_a_clamped_beam_is_a_parameter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Both rails 300 urad askew to a beam that keeps its direction, as errors of the guides: the parameter takes that
     up and nothing else does. A yaw of the rails (`cl`) turns the clamped beam with them.

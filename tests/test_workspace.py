@@ -109,6 +109,7 @@ def test_a_head_is_planned_in_the_coordinates_that_its_workspace_limits() -> Non
     assert done.json["n_rows"] == 50 and "note: tool point: tool, of sensor tracker" in done.err
 
 
+@pytest.mark.slow
 def test_a_plan_along_one_line_is_widened_in_the_coordinates_of_the_workspace() -> None:
     """Tilts of 10 to 15 deg about y, though the plan has none; held by its tip's place, the head would not tilt."""
     file = with_workspace("head", "box: {z: [550, 620], rx: [-15, 15], ry: [10, 15]}")
