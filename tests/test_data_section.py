@@ -45,7 +45,13 @@ def test_a_digit_more_is_no_data(key: str, written: str, tmp_path: Path) -> None
 def test_a_value_edited_by_hand_has_no_data(written: str, tmp_path: Path) -> None:
     edited = re.sub(r"l2: {value: (\d+)\.", r"l2: {value: \1.1", written)
     code, error = compared(tmp_path, written, edited)
-    assert edited != written and code == 3 and "other.yaml: error" in error and "not those that were written" in error
+    assert edited != written and code == 3 and "other.yaml: error" in error and "matches its values" in error
+
+
+def test_a_unit_edited_by_hand_has_no_data(written: str, tmp_path: Path) -> None:
+    edited = re.sub(r"(  l2: {.*unit: )mm", r"\1um", written)
+    code, error = compared(tmp_path, written, edited)
+    assert edited != written and code == 3 and "other.yaml: error" in error and "matches its values" in error
 
 
 def test_another_program_may_format_it(written: str, tmp_path: Path) -> None:

@@ -74,8 +74,13 @@ def test_intervals_cover(name: str, tmp_path: Path) -> None:
 
     By the data alone: what is held is at its nominal value in these machines, so what its ranges add must not count.
     """
-    case, inside = CASES[name], []
+    case, inside, stated = CASES[name], [], []
     for seed in range(40):
         result, true = recovered(case, seed, tmp_path / str(seed))
         inside += [abs(d) <= K95 for d in deviations(result, true).values()]
+        for p in result["parameters"]:
+            if p["interval"] is not None:
+                low, high = (end * UNITS[p["unit"]] for end in p["interval"])
+                stated.append(low <= true[p["name"]] <= high)
     assert 0.90 <= np.mean(inside) <= 0.99, np.mean(inside)
+    assert np.mean(stated) >= 0.90, np.mean(stated)

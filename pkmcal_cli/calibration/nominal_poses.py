@@ -26,19 +26,19 @@ class NominalPoses:
     within: slice | NDArray[np.intp] | None = None
 
     @cached_property
-    def predicted(self) -> tuple[Array, NDArray[np.bool_]]:
-        """Coordinates (N, K) of the channels of `tcp_model`, and rows (N,) that are predicted."""
+    def predicted(self) -> tuple[dict[str, Array], NDArray[np.bool_]]:
+        """Coordinates (N,) of the tool point by name, m or rad, and rows (N,) that are predicted."""
         if self.whole is not None:
-            values, solved = self.whole.predicted
-            return values[self.within], solved[self.within]
-        prediction = predict(tcp_model(self.model).with_options(()), self.model.nominal, self.rows)
-        return prediction.values, prediction.solved
+            coordinates, solved = self.whole.predicted
+            return {name: x[self.within] for name, x in coordinates.items()}, solved[self.within]
+        bare = tcp_model(self.model).with_options(())
+        prediction = predict(bare, self.model.nominal, self.rows)
+        return {c.name: prediction.values[:, k] for k, c in enumerate(bare.channels)}, prediction.solved
 
     def of(self, names: Collection[str]) -> dict[str, Array]:
         """Some coordinates (N,) by name, m or rad; none where they are not predicted in all rows."""
-        values, solved = self.predicted
-        channels = tcp_model(self.model).channels
-        return {c.name: values[:, k] for k, c in enumerate(channels) if c.name in names} if solved.all() else {}
+        coordinates, solved = self.predicted
+        return {name: x for name, x in coordinates.items() if name in names} if solved.all() else {}
 
     def part(self, within: slice | NDArray[np.intp], rows: Rows) -> NominalPoses:
         """Of some of the rows, as `rows` has them."""
@@ -63,7 +63,9 @@ class NominalPoses:
         )
 
 
-def _restored(model: Model, rows: Rows, known: tuple[Array, NDArray[np.bool_]] | None) -> NominalPoses:
+def _restored(
+    model: Model, rows: Rows, known: tuple[dict[str, Array], NDArray[np.bool_]] | None
+) -> NominalPoses:
     """As another process gets it."""
     poses = NominalPoses(model, rows)
     if known is not None:

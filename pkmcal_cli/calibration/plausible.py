@@ -20,6 +20,11 @@ _WEIGHTY = 0.1  # weight below which a reading is left out
 _LISTED = 4
 
 
+def implausible_fit(problem: Problem, fit: Fit, checked: RangeCheck) -> tuple[str, ...]:
+    """Why a fit that has converged is not to be believed; `problem` with the weights of the fit."""
+    return (*implausible_values(problem, checked), *implausible_residuals(problem, fit), *implausible_rows(fit))
+
+
 def implausible_values(problem: Problem, checked: RangeCheck) -> tuple[str, ...]:
     """Parameters that are further off nominal than any machine is built."""
     model, far = problem.model, []

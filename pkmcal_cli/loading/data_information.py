@@ -2,7 +2,7 @@
 
 Chi-square of the rows is |root z - right|^2 + left, z being offsets from the identified values in `scale` (data
 equations of a square-root information filter; Bierman 1977): it depends on nothing that was held, chosen or known.
-A check over its numbers and the identified values tells whether these still belong together.
+A check over its numbers, the identified values and their units tells whether these still belong together.
 """
 
 from __future__ import annotations
@@ -21,6 +21,8 @@ DATA = "data"
 """Section of a parameter file."""
 _KEYS = ("names", "scale", "root", "right", "left", "count", "worth")
 _CHECK, _DIGITS = "check", 16  # of a SHA-256
+Values = Mapping[str, tuple[Any, str]]
+"""Number and unit of each parameter, as a parameter file has them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +41,7 @@ class DataInformation:
     count: int
     worth: float
 
-    def lines(self, units: Sequence[float], values: Mapping[str, float]) -> list[str]:
+    def lines(self, units: Sequence[float], values: Values) -> list[str]:
         """As a section of a parameter file; units (q,): of the parameters, SI; values: as the file has them."""
         from pkmcal_cli.loading.parameter_text import scalar
 
@@ -68,14 +70,14 @@ class DataInformation:
         }
 
 
-def _check(plain: Mapping[str, Any], values: Mapping[str, Any]) -> str:
-    """Of a section and of values by name, from numbers as they are written and read, however they are formatted."""
+def _check(plain: Mapping[str, Any], values: Values) -> str:
+    """Of a section and of values, from numbers as they are written and read, however they are formatted."""
 
     def numbers(part: Any) -> Any:
         return [numbers(p) for p in part] if isinstance(part, list | tuple) else None if part is None else float(part)
 
     names = [str(n) for n in plain["names"]]
-    content = [names, *(numbers(plain[k]) for k in _KEYS[1:]), numbers([values[n] for n in names])]
+    content = [names, *(numbers(plain[k]) for k in _KEYS[1:]), [(float(values[n][0]), values[n][1]) for n in names]]
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:_DIGITS]
 
 
@@ -93,7 +95,7 @@ def _real(value: float) -> str:
     return text.replace("e", ".0e") if "e" in text and "." not in text else text
 
 
-def read_data(plain: object, units: Mapping[str, float], values: Mapping[str, Any]) -> DataInformation | None:
+def read_data(plain: object, units: Mapping[str, float], values: Values) -> DataInformation | None:
     """The section of a parameter file as plain data; units: of parameters, SI; values: as the file has them.
 
     None where it is not whole, or is not what was written with these values.
@@ -112,6 +114,9 @@ def read_data(plain: object, units: Mapping[str, float], values: Mapping[str, An
         worth = np.inf if plain["worth"] is None else float(plain["worth"])
     except (KeyError, TypeError, ValueError, IndexError, OverflowError):
         return None
-    if not unchanged:
+    good = np.isfinite(root).all() and np.isfinite(right).all() and np.isfinite(left) and left >= 0 and worth > 0
+    if not (unchanged and good) or scale.shape != (len(names),) or not (np.isfinite(scale) & (scale > 0)).all():
+        return None
+    if right.shape != (len(root),) or len(set(names)) < len(names) or count < 0:
         return None
     return DataInformation(names=names, scale=scale, root=root, right=right, left=left, count=count, worth=worth)

@@ -12,7 +12,7 @@ import numpy as np
 
 from pkmcal_cli.base.errors import FaultList
 from pkmcal_cli.language.fingerprint import Fingerprint, read_fingerprint
-from pkmcal_cli.loading.data_information import DATA, DataInformation, read_data
+from pkmcal_cli.loading.data_information import DATA, DataInformation, Values, read_data
 from pkmcal_cli.loading.ending import Ending, read_ending
 from pkmcal_cli.loading.evidence import Evidence, read_evidence
 from pkmcal_cli.loading.parameter_text import FINGERPRINT
@@ -137,9 +137,10 @@ def _map(plain: object) -> Mapping[Any, Any]:
     return plain if isinstance(plain, dict) else {}
 
 
-def _written(section: Mapping[str, SourceNode]) -> dict[str, Any]:
-    """Values by name as they stand in the file."""
-    return {name: _map(node.plain()).get("value") for name, node in section.items()}
+def _written(section: Mapping[str, SourceNode]) -> Values:
+    """Numbers and units as they stand in the file."""
+    entries = {name: _map(node.plain()) for name, node in section.items()}
+    return {name: (entry.get("value"), str(entry.get("unit") or "1")) for name, entry in entries.items()}
 
 
 def _entry(node: SourceNode) -> KnownParameter:

@@ -12,7 +12,7 @@ from pkmcal_cli.calibration.complete_fit import Calibration
 from pkmcal_cli.calibration.errors_before_after import error_figures
 from pkmcal_cli.calibration.holdout import HeldOut
 from pkmcal_cli.calibration.identifiability import Combination, combinations
-from pkmcal_cli.calibration.plausible import USABLE, implausible_residuals, implausible_rows, implausible_values
+from pkmcal_cli.calibration.plausible import USABLE, implausible_fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.range_check import range_check
 from pkmcal_cli.calibration.replicates import replicate_noise
@@ -75,9 +75,8 @@ class CalibrationReport:
         self.budget, self.ranges = calibration.budget, range_check(problem, fit, calibration.budget)
         self.problem = problem
         self.weighed = replace(problem, weight=calibration.robust.problem.weight)
-        implausible = (*implausible_values(problem, self.ranges), *implausible_residuals(self.weighed, fit))
-        implausible += implausible_rows(fit)
-        self.implausible = (*mistakes, *implausible) if fit.status == "converged" else ()
+        implausible = (*mistakes, *implausible_fit(self.weighed, fit, self.ranges))
+        self.implausible = implausible if fit.status == "converged" else ()
         more = unexplained(fit, self.budget, calibration.robust)
         beyond = odd.texts if calibration.robust.loss == "squares" else ()  # a robust loss does without them
         reasons = (*(each.text for each in more), *beyond)

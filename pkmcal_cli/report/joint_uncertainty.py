@@ -38,4 +38,5 @@ def data_lines(
     data = data_information(problem, fit, budget, without) if fit.usable else None
     if data is None:
         return []
-    return data.lines([parameter_unit(model, n).scale for n in data.names], {e.name: e.value for e in entries})
+    values = {e.name: (e.value, e.unit or "1") for e in entries}
+    return data.lines([parameter_unit(model, n).scale for n in data.names], values)

@@ -153,10 +153,11 @@ def _parameters(request: ComparisonRequest, kinds: list[str], limits: Sequence[G
     for k in known:
         if k.data is None:
             message = (
-                "this parameter file has no complete section `data`, or its numbers or those of `parameters` are not "
-                "those that were written, so it is unknown what its rows determine"
+                "this parameter file has no complete section `data` that matches its values, so it is unknown what its "
+                "rows determine"
             )
-            raise BadInput.single(message, Location(k.file), "write it again with `pkmcal calibrate -o`", "parameters")
+            hint = "write it again with `pkmcal calibrate -o`; values that are edited no longer match"
+            raise BadInput.single(message, Location(k.file), hint, "parameters")
     compared = _compared(known)
     change = None
     if (compared.test.dof and len(known) == 2) or compared.trend or compared.since is not None or limits:

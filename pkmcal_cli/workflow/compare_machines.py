@@ -20,7 +20,7 @@ from pkmcal_cli.calibration.holdout import fold_labels, replicate_groups
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.paired_errors import PairedErrors, held_out_squares, paired
-from pkmcal_cli.calibration.plausible import implausible_residuals, implausible_rows, implausible_values
+from pkmcal_cli.calibration.plausible import implausible_fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.range_check import range_check
 from pkmcal_cli.calibration.residual import evaluate
@@ -38,7 +38,7 @@ from pkmcal_cli.workflow.determined import determined
 from pkmcal_cli.workflow.gross_row_reasons import beyond_noise
 
 _LISTED = 5  # rows
-_GROSS = 1e4  # chi-square per degree of freedom that no missing effect alone leaves
+_GROSS = 1e4  # chi-square per degree of freedom; where less is left, it may be the ranges that are too narrow
 _FOLDS = 5
 
 
@@ -167,7 +167,7 @@ def _implausible(problem: Problem, fit: Fit) -> tuple[str, ...]:
     """Why a fit is not to be believed."""
     part = problem.without(fit.failed)
     checked = range_check(part, fit, error_budget(part, fit, held_parameters(part, fit.selected, ())))
-    return (*implausible_values(part, checked), *implausible_residuals(part, fit), *implausible_rows(fit))
+    return implausible_fit(part, fit, checked)
 
 
 def _squares(

@@ -14,7 +14,7 @@ from pkmcal_cli.base.outputs import check_target, takes_directly, write_together
 from pkmcal_cli.base.workers import Workers
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
-from pkmcal_cli.calibration.plausible import implausible_residuals, implausible_rows, implausible_values
+from pkmcal_cli.calibration.plausible import implausible_fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.range_check import range_check
 from pkmcal_cli.calibration.unexplained import unexplained
@@ -204,9 +204,7 @@ def _implausible(improvement: Improvement, hints: tuple[str, ...]) -> tuple[str,
     problem, fit = improvement.problem, improvement.fit
     if fit.status != "converged":
         return ()
-    checked = range_check(problem, fit, improvement.budget)
-    residuals = implausible_residuals(problem, fit)
-    return (*hints, *implausible_values(problem, checked), *residuals, *implausible_rows(fit))
+    return (*hints, *implausible_fit(problem, fit, range_check(problem, fit, improvement.budget)))
 
 
 def _tell(reasons: tuple[str, ...], to: Reporter) -> None:

@@ -34,8 +34,7 @@ Number k of the fuzz is the same input on every computer; others: `python -m tes
 20,000 tables, 7,000 machine files and 3,000 commands; the slow run of a million is
 `python -m pytest -m slow tests/test_fuzz.py tests/test_command_fuzz.py`. Of that run the 600,000 tables and 300,000
 machine files had no fault (commit 946bf629, longest 5.7 s), nor the 100,000 commands (commit e6866b06, longest 15 s).
-The lowest
-versions are tried by hand, as `tests/hostile/floors.py` says.
+The lowest versions are tried by hand, as `tests/hostile/floors.py` says.
 """
 
 
