@@ -6,16 +6,17 @@ Against campaigns drawn value by value, closed forms of one test, and truncated 
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from scipy.special import chdtrc, chdtri, chndtrinc, ndtr
+from scipy.special import chdtrc, chdtri, chndtrinc, fdtri, ncfdtr, ndtr, ndtri
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.diagnosis.confirm import blocks
-from pkmcal_cli.diagnosis.detection import Detection
+from pkmcal_cli.diagnosis.detection import Detection, _reaching
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear
 from pkmcal_cli.diagnosis.scale import Scale
@@ -83,6 +84,25 @@ def test_where_evidence_is_overwhelming_the_threshold_alone_decides() -> None:
     least = float(np.sqrt(chndtrinc(chdtri(1, strict), 1, 0.2) / linear.score_of(found.hypotheses[0]).information[0]))
     size = found.size(0, np.ones(1), Procedure(strict, Scale()))
     assert size == pytest.approx(least, rel=0.02)
+
+
+@pytest.mark.parametrize("freedom", [12.0, 30.0])
+def test_where_noise_is_estimated_the_statistic_is_a_noncentral_f(freedom: float) -> None:
+    """The closed form, within the scatter of 500 draws."""
+    found, linear = detection("backlash@q2")
+    limit = fdtri(1, freedom, 1 - CRITICAL)
+    noncentral = brentq(lambda square: ncfdtr(1, freedom, square, limit) - 0.2, 1.0, 1e4)
+    least = float(np.sqrt(noncentral / linear.score_of(found.hypotheses[0]).information[0]))
+    size = found.size(0, np.ones(1), Procedure(CRITICAL, Scale(4.0, freedom, freedom)))
+    assert size == pytest.approx(least, rel=0.025)
+
+
+def test_the_search_of_a_size_finds_where_a_rate_that_grows_passes() -> None:
+    """From below and from above, of a steep rate and a flat one, to a hundredth; a rate that stays low has none."""
+    for width, begin in product((0.02, 0.3), (0.11, 3.0, 700.0)):
+        found = _reaching(lambda size, w=width: float(ndtr(np.log(size / 5.0) / w)), begin)  # type: ignore[misc]
+        assert found == pytest.approx(5.0 * np.exp(width * ndtri(0.8)), rel=0.01)
+    assert _reaching(lambda _: 0.79, 1.0) == np.inf
 
 
 def test_doubtful_noise_and_few_values_ask_for_larger_effects() -> None:

@@ -239,9 +239,7 @@ def _drawn_variances(half: float, chance: Array) -> Array:
 
 def _inverse(information: Array) -> Array:
     """Of an information (p, p), zero along what it does not contain."""
-    if information.shape == (1, 1):  # most of them: a decomposition is dear
-        return np.where(information > 0, 1.0 / np.where(information > 0, information, 1.0), 0.0)
-    return np.asarray(np.linalg.pinv(information, rcond=1e-9))
+    return np.asarray(np.linalg.pinv(information, rcond=1e-9, hermitian=True))
 
 
 def _of_rows(linear: Linear, rows: Sequence[int]) -> Array:
