@@ -80,7 +80,7 @@ def growth_lines(effort: Effort) -> list[Line]:
     """How the step of a row grows from about 100 to 900 unknowns."""
     lines = []
     for kind, sizes in SIZES.items():
-        frames = [structure(kind, size, effort.rows(32)) for size in sizes]
+        frames = [structure(kind, size, effort.rows(32)) for size in effort.sizes(sizes)]
         cases = {str(f.model.exact.size): partial(elastic_step, f.model.exact, f.coefficients, f.state) for f in frames}
         times = side_by_side(cases, effort.rounds)
         per_row = [1e6 * times.median(size) / len(frames[0].coefficients) for size in cases]

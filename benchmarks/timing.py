@@ -27,6 +27,10 @@ class Effort:
         """Rows, or whatever is counted."""
         return max(int(full * self.share), least)
 
+    def sizes(self, full: Sequence[int]) -> Sequence[int]:
+        """Sizes over which a cost grows; the smallest two where times mean nothing."""
+        return full if self.share >= 1.0 else sorted(full)[:2]
+
 
 ONCE = Effort(1, 1e-3)
 """Every line once, to see that it runs; the times mean nothing."""
