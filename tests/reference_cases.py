@@ -16,7 +16,7 @@ OUTPUTS = ROOT / "tests" / "reference"
 QUICK = ("check", "effects", "sensitivity", "observability", "simulate", "correct")
 LONG = {
     "calibrate": ("triglide", "scissors-shopfloor", "delta4", "hangprinter_2021-12-16", "belt-router"),
-    "plan": ("triglide", "delta-printer", "belt-router"),
+    "plan": ("triglide",),
     "diagnose": ("biglide", "scissors-shopfloor"),
     "improve": ("biglide", "scissors-shopfloor"),
 }

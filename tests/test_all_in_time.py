@@ -54,8 +54,12 @@ def test_a_step_is_told_alone(tmp_path: Path) -> None:
     assert unknown["depends_on"] == "time" and unknown["hint"] == f"step at row {FIRST + 1} after {90 * FIRST} s"
     assert f"a step at row {FIRST + 1} after {90 * FIRST} s describes it" in done.err
     assert "session (column `session`)" in done.err and "compensation table" not in done.err
-    improved = clean(run_once("improve", TRIGLIDE, table, "--json"))
-    assert improved.json["steps"] == []
+
+
+@pytest.mark.slow
+def test_a_step_is_not_improved_upon(tmp_path: Path) -> None:
+    table = written(tmp_path / "t.csv", moved((), step))
+    assert clean(run_once("improve", TRIGLIDE, table, "--json")).json["steps"] == []
 
 
 def test_rows_out_of_order_are_judged_by_time(tmp_path: Path) -> None:

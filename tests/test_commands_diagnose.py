@@ -122,7 +122,10 @@ def test_shop_floor() -> None:
     assert all(len(e["credible_set"]) == 1 and e["confirmed"] for e in done.json["effects"])
 
 
-@pytest.mark.parametrize("name", ["biglide", "delta4", "scissors", "triglide", "triglide-nonredundant"])
+@pytest.mark.parametrize(
+    "name",
+    ["biglide", pytest.param("delta4", marks=pytest.mark.slow), "scissors", "triglide", "triglide-nonredundant"],
+)
 def test_clean_tables_are_clean(name: str) -> None:
     done = diagnosed(str(MACHINES / f"{name}.yaml"), str(MACHINES / f"{name}.csv"))
     assert (done.code, done.json["verdict"]) == (0, "clean")

@@ -21,7 +21,7 @@ WORK = [
 ]  # fmt: skip
 """Commands in the order of work."""
 LONG = (
-    "diagnose", "improve", "report 1", "plan 0", "plan 2", "study 0", "study 1", "calibrate 1", "compare 1", "draw 1",
+    "diagnose", "improve", "report", "plan 0", "plan 2", "study 0", "study 1", "calibrate 1", "compare 1", "draw 1",
 )  # fmt: skip
 """Commands, and single examples, that take long."""
 

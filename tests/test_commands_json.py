@@ -225,7 +225,8 @@ sensors: {probe: {at: cart, reads: [z], sigma: 1 um, frame: machine}}
 """
 
 
-LONG = dict.fromkeys(("diagnose", "improve"), pytest.mark.slow)
+SEARCHING = ("diagnose", "improve")
+LONG = dict.fromkeys((*SEARCHING, "plan"), pytest.mark.slow)
 SHOWN = [
     "check",
     "draw",
@@ -253,7 +254,7 @@ def test_the_documented_keys_are_those_that_are_there(
 ) -> None:
     monkeypatch.chdir(written)
     known, found = documented()[command], set()
-    for arguments in (searches(written) if command in LONG else commands())[command]:
+    for arguments in (searches(written) if command in SEARCHING else commands())[command]:
         done = run(command, *arguments, "--json", "-q")
         assert done.code in (0, 1), done.err
         assert faults_of(command, done.json) == []

@@ -28,6 +28,7 @@ def effects(done: Done) -> dict[str, dict[str, Any]]:
 
 
 # --- what a plan shows ---------------------------------------------------------------------
+@pytest.mark.slow
 def test_sizes_follow_the_noise_and_the_number_of_poses(tmp_path: Path) -> None:
     """Twice the noise: twice the smallest detectable size; a plan done twice: smaller by the root of two."""
     noisy = tmp_path / "noisy.yaml"

@@ -17,8 +17,8 @@ triglide              273418 straight@rail.y*5.45
 triglide-nonredundant 826121 thermal_strut@rod2*0.795
 scissors              673475 backlash@q3*0.285
 scissors              889864 thermal_foot@left*0.0605 slow
-delta4                52945  frame@tracker*1.62
-triglide              684405 pitch_curve@q2*3.87 straight@rail.y*3.77
+delta4                52945  frame@tracker*1.62 slow
+triglide              684405 pitch_curve@q2*3.87 straight@rail.y*3.77 slow
 triglide              500905 pitch_curve@q1*6.11 slow
 triglide-nonredundant 5989   thermal_screw@q2*0.485 slow
 triglide-nonredundant 656977 backlash@q2*2.03 slow
@@ -136,7 +136,7 @@ def test_where_two_do_the_same_a_set_is_named(line: Line) -> None:
 
 
 OF_DRIVES = [
-    ("triglide", Planted("zero_drift", "q2", {"o1": 60e-6, "o2": -20e-6})),
+    pytest.param("triglide", Planted("zero_drift", "q2", {"o1": 60e-6, "o2": -20e-6}), marks=pytest.mark.slow),
     ("scissors", Planted("zero_drift", "q2", {"o1": 60e-6, "o2": -20e-6})),
     pytest.param("delta4", Planted("zero_drift", "q2", {"o1": 60e-6, "o2": 20e-6}), marks=pytest.mark.slow),
     pytest.param("triglide", Planted("zero", "q1[s2]", {"o": 60e-6}), marks=pytest.mark.slow),

@@ -15,7 +15,7 @@ TRIGLIDE = MACHINES / "triglide-nonredundant.yaml"
 AHEAD = "comes to rest ahead in its direction of motion"
 
 
-@pytest.mark.parametrize("size", [-60, 60])
+@pytest.mark.parametrize("size", [-60, pytest.param(60, marks=pytest.mark.slow)])
 def test_what_is_told_of_a_drive_that_is_ahead(tmp_path: Path, size: int) -> None:
     planted, table, declared = tmp_path / "m.yaml", tmp_path / "t.csv", tmp_path / "d.yaml"
     planted.write_text(f"extends: {TRIGLIDE}\neffects: {{backlash@q2: {{b: {size} um}}}}\n")

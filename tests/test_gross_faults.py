@@ -92,7 +92,7 @@ MISTAKES = {
 QUICK = [
     *(f"triglide-{label}" for label in MISTAKES),
     *(f"{name}-{label}" for name in ("scissors", "delta4") for label in MISTAKES if "drive" not in label),
-    "scissors-drive in m", "delta4-drives rotated", "delta4-drives swapped",
+    "delta4-drives rotated",
 ]  # fmt: skip
 """Every mistake on the Triglide, those of the readings on two more, those of the drives that are soon found there."""
 

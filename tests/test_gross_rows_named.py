@@ -84,7 +84,7 @@ def test_size_and_p_value_of_residuals_are_of_the_same_rows(tmp_path: Path) -> N
     assert 0.9 < used < 1.12 and p > 0.01 and every > 2.0
 
 
-@pytest.mark.parametrize(("stated", "times"), [("0.3 mm", 30.0), ("3 mm", 300.0)])
+@pytest.mark.parametrize(("stated", "times"), [("0.3 mm", 30.0), pytest.param("3 mm", 300.0, marks=pytest.mark.slow)])
 def test_a_sigma_far_too_large_has_a_warning(tmp_path: Path, stated: str, times: float) -> None:
     """Also where it is so large that nothing can be identified: the factor is that of what a fit would leave."""
     write_table(tmp_path / "t.csv", PLAIN, true_values(PLAIN, 2), 2, 80)

@@ -249,9 +249,7 @@ def poses() -> str:
     return "\n".join(["id,to,time [s],T [degC],x [mm],y [mm]", *rows])
 
 
-@pytest.mark.parametrize(
-    "effect", in_ci(["frame@ballbar", "meas_scale@encoder"], PLANTED)
-)
+@pytest.mark.parametrize("effect", in_ci(["meas_scale@encoder"], PLANTED))
 def test_a_planted_fault_of_an_instrument_is_found(effect: str, tmp_path: Path) -> None:
     """Simulated with the declared noise; the diagnosis names it first, sizes are within four standard uncertainties."""
     machine, faulty, plan, table = (tmp_path / n for n in ("m.yaml", "f.yaml", "p.csv", "t.csv"))

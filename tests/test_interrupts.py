@@ -16,7 +16,7 @@ from tests.command import MACHINES
     "arguments",
     [
         ("diagnose", "scissors.yaml", "scissors-shopfloor.csv", "-q"),
-        ("calibrate", "hexapod7.yaml", "hexapod7.csv", "-q"),
+        pytest.param(("calibrate", "hexapod7.yaml", "hexapod7.csv", "-q"), marks=pytest.mark.slow),
     ],
 )
 def test_numpy_asks_no_enumeration(arguments: tuple[str, ...]) -> None:

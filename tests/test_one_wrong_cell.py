@@ -52,7 +52,7 @@ def test_it_is_the_reason_and_the_only_one(name: str, tmp_path: Path, monkeypatc
     assert len(fits) <= 6
 
 
-@pytest.mark.parametrize("name", ["hexapod7", pytest.param("triglide", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", [pytest.param("hexapod7", marks=pytest.mark.slow), "triglide"])
 def test_a_robust_loss_does_without_it(name: str, tmp_path: Path) -> None:
     """Also where least squares with the row do not converge."""
     machine, out = MACHINES / f"{name}.yaml", tmp_path / "p.yaml"

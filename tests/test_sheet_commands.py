@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.command import MACHINES, clean, run
-from tests.test_commands_report import circle, perfect
+from tests.test_commands_report import UNSEARCHED, circle, perfect
 
 
 def test_commands_of_a_judged_sheet_run_as_they_are_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -27,6 +27,7 @@ def test_commands_of_a_judged_sheet_run_as_they_are_printed(tmp_path: Path, monk
         assert run(*shlex.split(line)[1:]).code == 0
 
 
+@UNSEARCHED
 def test_a_copy_of_a_row_is_no_slip_of_the_measurement(tmp_path: Path) -> None:
     """It is not used, as it adds nothing; the row that it is a copy of is judged."""
     rows = [line for line in (MACHINES / "triglide.csv").read_text().splitlines() if not line.startswith("#")][:61]

@@ -108,7 +108,7 @@ def test_platforms_turned_far(command: str, seed: int, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("seed", "command"),
-    in_ci(["2-diagnose", "2-observability", "4-observability"], product([1, 2, 4], ["diagnose", "observability"])),
+    in_ci(["2-observability", "4-observability"], product([1, 2, 4], ["diagnose", "observability"])),
 )
 def test_points_on_four_belts(command: str, seed: int, tmp_path: Path) -> None:
     """The weight stretches the belts, which the table does not know; 4 has most rows slack at the drawing."""
