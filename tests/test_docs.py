@@ -27,6 +27,9 @@ LONG = (
     "machines/gantry.csv",
     "hangprinter_2022-04-12.csv --select",
     "stretched.yaml --grid",
+    'scissors.yaml --grid "x=-200:200:4',
+    "calibrate found.yaml",
+    "calibrate machines/scissors.yaml",
 )
 """Parts of commands that take long, whose work is that of others of these pages."""
 SHOWN = [
