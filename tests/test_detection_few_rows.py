@@ -101,7 +101,7 @@ def share(few: Few, name: str) -> float:
     ("machine", "rows", "name"),
     [
         ("triglide-nonredundant", 30, "straight@rail.y"),
-        ("triglide-nonredundant", 30, "guide_angle@rail.y"),
+        pytest.param("triglide-nonredundant", 30, "guide_angle@rail.y", marks=pytest.mark.slow),
         ("scissors", 20, "straight@left.x"),
     ],
 )
