@@ -16,7 +16,7 @@ import pkmcal
 import pytest
 import yaml
 
-from tests.command import GRID, MACHINES, SCISSORS, SHOPFLOOR, TRIGLIDE, TRIGLIDE_DATA, clean, run
+from tests.command import GRID, MACHINES, SHOPFLOOR, TRIGLIDE, TRIGLIDE_DATA, clean, run
 
 PLAIN = str(MACHINES / "triglide-nonredundant.yaml")
 WRITING = {"output", "run", "as_json", "quiet", "style", "force", "fail_above", "fail_on", "max_rms", "accept", "plots"}
