@@ -253,9 +253,9 @@ def skewed_gantry(seed: int, rows: int = 6) -> tuple[Array, dict[str, float]]:
     return readings, {n: v + RANGES[n] * rng.uniform(-1, 1) for n, v in NOMINAL.items()}
 
 
-def against_frame(seed: int, errors: bool, pieces: int = 2) -> tuple[float, float]:
+def against_frame(seed: int, errors: bool, pieces: int = 2, rows: int = 6) -> tuple[float, float]:
     """The gantry against its frame: largest deviation over the deflection by weight, and that deflection in um."""
-    readings, values = skewed_gantry(seed)
+    readings, values = skewed_gantry(seed, rows)
     given = values if errors else {}
     true = Gantry().forward(readings, given).tcp
     deflection = float(np.abs(true - Gantry(gravity=0.0).forward(readings, given).tcp).max())

@@ -25,7 +25,7 @@ COMMANDS = (
 
 LONG = (
     "ropes", "force-column", "force-constant", "all-fixed", "no-parameters", "limits",
-    "huge drive", "drives far", "far", "unicode",
+    "huge drive", "drives far", "far", "unicode", "measured",
 )  # fmt: skip
 """Machines and tables whose fits take long."""
 

@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 
 from tests.command import GRID, ROOT, SCISSORS, SHOPFLOOR, TRIGLIDE, TRIGLIDE_DATA, Done, environment, process, run
+from tests.in_ci import in_ci
 
 PROGRAM = [sys.executable, "-m", "pkmcal_cli"]
 COMMAND = " ".join(PROGRAM)
@@ -25,6 +26,10 @@ AT_ONCE = [
     sys.executable, "-c",
     "from pkmcal_cli.report import progress_bar; progress_bar._AFTER = 0.0; from pkmcal_cli.app import main; main()",
 ]  # fmt: skip
+
+
+def _name(kind: signal.Signals) -> str:
+    return kind.name
 
 
 def shell(line: str, cwd: Path = ROOT) -> Done:
@@ -49,6 +54,7 @@ def test_simulate_pipes_into_calibrate(tmp_path: Path) -> None:
     assert "<stdin>: " in text, "stdin is among the inputs, with its sha256"
 
 
+@pytest.mark.slow
 def test_a_real_pipe(tmp_path: Path) -> None:
     (tmp_path / "poses.csv").write_text("x,y\n" + "".join(f"{x},{y}\n" for x in (200, 400, 600) for y in (200, 300)))
     simulate = f"{COMMAND} simulate {TRIGLIDE} - -q <poses.csv"
@@ -103,7 +109,7 @@ def test_a_closed_stderr_does_not_stop_the_work() -> None:
         assert (failing.code, failing.out) == (3, ""), where
 
 
-@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP], ids=lambda kind: kind.name)
+@pytest.mark.parametrize("kind", in_ci(["SIGINT", "SIGHUP"], [signal.SIGINT, signal.SIGTERM, signal.SIGHUP], _name))
 def test_ctrl_c_ends_with_130_and_leaves_no_file(kind: signal.Signals, tmp_path: Path) -> None:
     out = tmp_path / "out.csv"
     arguments = ["simulate", TRIGLIDE, "--grid", "x=200:700:3000,y=200:350:3000", "-o", str(out)]

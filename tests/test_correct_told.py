@@ -60,7 +60,8 @@ def test_noise_alone_leaves_nothing_unexplained(tmp_path: Path) -> None:
     said = 0
     for seed in range(10):
         table = write_table(tmp_path / "t.csv", "biglide", true_values("biglide", seed), 60 + seed, 40)
-        done = run("calibrate", MACHINES / "biglide.yaml", table, "-o", tmp_path / "p.yaml", "-q", "--force")
+        options = ("--holdout", "2", "-o", tmp_path / "p.yaml", "-q", "--force")
+        done = run("calibrate", MACHINES / "biglide.yaml", table, *options)
         assert done.code == 0
         said += "  position: {std" in (tmp_path / "p.yaml").read_text()
     assert said <= 2

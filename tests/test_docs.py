@@ -27,8 +27,8 @@ LONG = (
     "machines/gantry.csv",
     "hangprinter_2022-04-12.csv --select",
     "stretched.yaml --grid",
-    "calibrate found.yaml docs/first-campaign",
-    "plan machines/scissors.yaml --grid \"x=-200:200:2",
+    'scissors.yaml --grid "x=-200:200:4',
+    "calibrate found.yaml",
 )
 """Parts of commands that take long, whose work is that of others of these pages."""
 SHOWN = [

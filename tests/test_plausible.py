@@ -85,7 +85,9 @@ def test_a_result_that_nobody_should_believe(
     assert f"warning: {file}: the fit ended with status `implausible`: {reasons}" in again.err
 
 
-@pytest.mark.parametrize("change", [*(pytest.param(c, marks=pytest.mark.slow) for c in (drifting_far, out_of_reach)), turned])
+@pytest.mark.parametrize(
+    "change", [turned, *(pytest.param(c, marks=pytest.mark.slow) for c in (drifting_far, out_of_reach))]
+)
 def test_diagnose_is_not_clean_either(change: Callable[[list[str], Rows], None], tmp_path: Path) -> None:
     """Where it finds no cause it says why the calibration is not to be believed, as `calibrate` does."""
     table = spoilt(tmp_path, change)

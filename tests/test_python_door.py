@@ -16,7 +16,7 @@ import pkmcal
 import pytest
 import yaml
 
-from tests.command import GRID, MACHINES, SCISSORS, SHOPFLOOR, TRIGLIDE, TRIGLIDE_DATA, clean, run
+from tests.command import GRID, MACHINES, SHOPFLOOR, TRIGLIDE, TRIGLIDE_DATA, clean, run
 
 PLAIN = str(MACHINES / "triglide-nonredundant.yaml")
 WRITING = {"output", "run", "as_json", "quiet", "style", "force", "fail_above", "fail_on", "max_rms", "accept", "plots"}
@@ -142,14 +142,15 @@ def test_pictures_are_those_of_the_commands(found: pkmcal.Calibration, tmp_path:
     from matplotlib.figure import Figure
 
     (tmp_path / "p.yaml").write_text(found.parameter_text())
-    diagnosed = pkmcal.diagnose("scissors", SHOPFLOOR)
+    rows = tmp_path / "rows.csv"
+    pkmcal.simulate(PLAIN, grid=GRID, noise="declared", seed=3).table.to_csv(rows, index=False)
     results = {
         ("calibrate", TRIGLIDE, TRIGLIDE_DATA): found,
         ("simulate", TRIGLIDE, "--grid", GRID, "-o", str(tmp_path / "s.csv")): pkmcal.simulate("triglide", grid=GRID),
         ("observability", TRIGLIDE, "--grid", GRID): pkmcal.observe("triglide", grid=GRID),
         ("correct", TRIGLIDE, "--grid", GRID, "-p", str(tmp_path / "p.yaml"), "-o", str(tmp_path / "c.csv")):
             pkmcal.correct("triglide", grid=GRID, parameters=found),
-        ("diagnose", SCISSORS, SHOPFLOOR): diagnosed,
+        ("diagnose", PLAIN, str(rows)): pkmcal.diagnose(PLAIN, rows),
     }  # fmt: skip
     for command, result in results.items():
         figure = result.plot()
@@ -163,7 +164,7 @@ def test_pictures_are_those_of_the_commands(found: pkmcal.Calibration, tmp_path:
 
 
 def test_an_observer_hears_of_every_step() -> None:
-    rows = pkmcal.simulate(PLAIN, grid="x=200:700:4,y=200:350:3", noise="declared", seed=3).table
+    rows = pkmcal.simulate(PLAIN, grid=GRID, noise="declared", seed=3).table
     steps: list[str] = []
     told = pkmcal.diagnose(PLAIN, rows, observer=lambda stage: steps.append(stage.name))
     assert steps and told.status in ("clean", "sigma_too_small", "unknown")

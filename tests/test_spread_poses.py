@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 
 from tests.command import SCISSORS, TRIGLIDE, run
+from tests.in_ci import in_ci
+
+FAST = ("simulate", "sensitivity", "observability", "effects")
 
 
 def places(out: str) -> np.ndarray:
@@ -26,7 +29,7 @@ def test_they_fill_the_workspace_evenly() -> None:
     assert len(ninths) == 9 and apart.min() > 0.3 * 400 / np.sqrt(40)
 
 
-@pytest.mark.parametrize("command", ["simulate", "sensitivity", "observability", "plan", "effects"])
+@pytest.mark.parametrize("command", in_ci(FAST, [*FAST, "plan"]))
 def test_every_command_with_a_grid_takes_a_number(command: str, tmp_path: Path) -> None:
     more = {"simulate": ("-o", tmp_path / "t.csv"), "effects": ("--simulate",)}.get(command, ())
     done = run(command, SCISSORS, "--grid", "7", *more, "--json")

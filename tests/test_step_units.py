@@ -116,9 +116,9 @@ def test_steps_are_shown_by_their_name(tmp_path: Path) -> None:
     grid = ("--grid", "x=160:400:4,y=160:300:4")
     for command in (
         ("check", machine),
-        ("plan", machine, *grid, "--aim", "scale@q1", "-o", plan),
+        ("plan", machine, *grid, "--aim", "scale@q1", "--points", "1", "-o", plan),
         ("simulate", machine, *grid, "--json", "-o", tmp_path / "s.csv"),
-        ("calibrate", machine, table, "--json"),
+        ("calibrate", machine, table, "--holdout", "2", "--json"),
         ("diagnose", machine, table, "--json"),
     ):
         done = clean(run(*command))

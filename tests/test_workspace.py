@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -21,6 +22,8 @@ from tests.support import SHIPPED, compiled, model, truth
 from tests.tool_machines import CRANK, HEAD, head_poses
 
 START = np.array([0.58, 0.0, 0.1])
+UNSIZED = patch("pkmcal_cli.diagnosis.detection.Detection.size", lambda *_: np.inf)
+"""Effects that a plan would detect, which it says beside its points."""
 ROUND = "cylinder: {at: [0, 0, -540], radius: 100, height: 200}"
 
 
@@ -62,12 +65,13 @@ def test_a_cylinder_holds_what_is_near_its_axis_and_between_its_ends() -> None:
     assert not cylinder.holds(np.full((1, 3), np.nan)).any()
 
 
-def proposed(machine: str, *more: str, points: int = 40) -> tuple[Done, Array]:
-    """Drive positions (n, A), m or rad, of the points that a plan proposes."""
-    done = run("plan", machine, "--points", str(points), *more, "--json")
+def proposed(machine: str, *more: str, points: int = 40) -> Array:
+    """Drive positions (n, A), mm or deg, of the points that a plan proposes."""
+    with UNSIZED:
+        done = run("plan", machine, "--points", str(points), *more, "--json", "-q")
     assert done.code == 0, done.err
     drives = [name for name in done.json["points"][0] if not name.startswith("dir.")]
-    return done, np.array([[point[name] for name in drives] for point in done.json["points"]])
+    return np.array([[point[name] for name in drives] for point in done.json["points"]])
 
 
 MIDDLE = ("--grid", "x=-10:10:2,y=-10:10:2,z=-450:-430:2", "--aim", "l1a,l2a,l1b,l2b")
@@ -75,7 +79,7 @@ MIDDLE = ("--grid", "x=-10:10:2,y=-10:10:2,z=-450:-430:2", "--aim", "l1a,l2a,l1b
 
 def test_what_a_plan_proposes_is_in_the_workspace_and_fills_it() -> None:
     """A small grid in the middle; points for the arms of the delta lie on the rim of the cylinder, none beyond."""
-    _, q = proposed(with_workspace("delta4", ROUND), *MIDDLE)
+    q = proposed(with_workspace("delta4", ROUND), *MIDDLE, points=12)
     x, y, z = truth("delta4").forward(q * 1e-3).tcp[:, :3].T  # type: ignore[attr-defined]
     assert np.hypot(x, y).max() < 0.1 + 1e-6 and z.min() > -0.54 - 1e-6 and z.max() < -0.34 + 1e-6
     assert np.hypot(x, y).max() > 0.09 and np.ptp(z) > 0.18
@@ -84,7 +88,7 @@ def test_what_a_plan_proposes_is_in_the_workspace_and_fills_it() -> None:
 @pytest.mark.slow
 def test_a_box_of_a_workspace_holds_what_a_plan_proposes() -> None:
     box = "box: {x: [0, 50], z: [-500, -480]}"
-    _, q = proposed(with_workspace("delta4", box + ", cylinder: null"), *MIDDLE)
+    q = proposed(with_workspace("delta4", box + ", cylinder: null"), *MIDDLE)
     x, _, z = truth("delta4").forward(q * 1e-3).tcp[:, :3].T  # type: ignore[attr-defined]
     assert x.min() > -1e-6 and x.max() < 0.05 + 1e-6 and z.min() > -0.5 - 1e-6 and z.max() < -0.48 + 1e-6
 
@@ -92,7 +96,7 @@ def test_a_box_of_a_workspace_holds_what_a_plan_proposes() -> None:
 @pytest.mark.slow
 def test_limits_of_drives_bound_what_a_plan_proposes() -> None:
     file = with_workspace("delta4", "drives: {q1: [-20, 30 mm], q3: [0, 0.05 m]}, cylinder: null, box: {x: [-80, 80]}")
-    _, q = proposed(file, "--grid", "x=-10:10:2,y=-60:60:2,z=-450:-430:2", "--aim", "l1a,l2a", points=20)
+    q = proposed(file, "--grid", "x=-10:10:2,y=-60:60:2,z=-450:-430:2", "--aim", "l1a,l2a", points=20)
     assert q[:, 0].min() >= -20 and q[:, 0].max() <= 30 and q[:, 2].min() >= 0 and q[:, 2].max() <= 50
 
 
@@ -100,7 +104,7 @@ def test_limits_of_drives_bound_what_a_plan_proposes() -> None:
 def test_a_head_is_planned_in_the_coordinates_that_its_workspace_limits() -> None:
     """z, rx and ry: its tip's x and y follow, as its legs have it."""
     file = with_workspace("head", "box: {z: [550, 620], rx: [-15, 15], ry: [0, 15 deg]}")
-    _, q = proposed(file, "--aim", "r")
+    q = proposed(file, "--aim", "r")
     poses = np.array([fsolve(lambda p, row=row: head_poses(*p[:, None])[1][0] - row, START) for row in q * 1e-3])
     low, high = np.array([0.55, *np.radians([-15, 0])]), np.array([0.62, *np.radians([15, 15])])
     assert (poses > low - 1e-9).all() and (poses < high + 1e-9).all()
@@ -113,7 +117,7 @@ def test_a_head_is_planned_in_the_coordinates_that_its_workspace_limits() -> Non
 def test_a_plan_along_one_line_is_widened_in_the_coordinates_of_the_workspace() -> None:
     """Tilts of 10 to 15 deg about y, though the plan has none; held by its tip's place, the head would not tilt."""
     file = with_workspace("head", "box: {z: [550, 620], rx: [-15, 15], ry: [10, 15]}")
-    _, q = proposed(file, "--grid", "z=560:600:3,rx=0:0:1,ry=0:0:1", "--aim", "r", points=10)
+    q = proposed(file, "--grid", "z=560:600:3,rx=0:0:1,ry=0:0:1", "--aim", "r", points=10)
     poses = np.array([fsolve(lambda p, row=row: head_poses(*p[:, None])[1][0] - row, START) for row in q * 1e-3])
     assert (np.degrees(poses[:, 2]) > 10 - 1e-6).all() and (np.degrees(poses[:, 2]) < 15 + 1e-6).all()
 

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import sys
 import tempfile
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from pkmcal_cli.base.errors import BadInput
@@ -81,38 +83,55 @@ def told_of_machine(slip: Slip, folder: Path) -> Codes:
     return {fault.code for fault in (*loaded.warnings, *loaded.remarks)}
 
 
-_MACHINES: dict[str, Machine] = {}
-
-
+@cache
 def _machine(table: str) -> Machine:
-    name = "scissors" if table == "scissors-shopfloor" else table
-    if name not in _MACHINES:
-        _MACHINES[name] = read_machine(MACHINES / f"{name}.yaml")
-    return _MACHINES[name]
+    return read_machine(MACHINES / f"{'scissors' if table == 'scissors-shopfloor' else table}.yaml")
+
+
+def _notes(stream: MeasurementStream) -> set[str]:
+    """Without the file that they are of."""
+    return {note.partition(": ")[2] for note in stream.notes}
+
+
+@cache
+def _shipped_notes(table: str) -> set[str]:
+    """Those of a table as it is shipped."""
+    stream = MeasurementStream([MACHINES / f"{table}.csv"], _machine(table))
+    list(stream)
+    return _notes(stream)
 
 
 def told_of_table(slip: Slip, folder: Path) -> Codes:
     """Codes of all faults and warnings of a table, `note` where only a note is told that the shipped table has not."""
-    plain, file = MACHINES / f"{slip.file}.csv", folder / "slip.csv"
+    file = folder / "slip.csv"
     file.write_bytes(slip.text("csv").encode("utf-8"))
     stream = MeasurementStream([file], _machine(slip.file))
-    usual = MeasurementStream([plain], _machine(slip.file))
-    list(usual)
     try:
         list(stream)
     except BadInput as error:
         return {fault.code for fault in error.faults}
-    notes = {n.partition(": ")[2] for n in stream.notes} - {n.partition(": ")[2] for n in usual.notes}
+    notes = _notes(stream) - _shipped_notes(slip.file)
     return {fault.code for fault in stream.warnings} | ({"note"} if notes else set())
 
 
 LISTS: dict[str, Callable[[Slip, Path], Codes]] = {"machines": told_of_machine, "tables": told_of_table}
 
 
-def wrong(name: str) -> list[tuple[Slip, Codes]]:
-    """Slips of a list that get another answer, and what is told of them."""
+def first_of_each(name: str, count: int) -> tuple[Slip, ...]:
+    """The first slips of a list for every answer that is expected."""
+    seen = Counter[frozenset[str]]()
+    chosen = []
+    for slip in slips(name):
+        seen[slip.expected] += 1
+        if seen[slip.expected] <= count:
+            chosen.append(slip)
+    return tuple(chosen)
+
+
+def wrong(name: str, some: Sequence[Slip] | None = None) -> list[tuple[Slip, Codes]]:
+    """Slips of a list, or some of them, that get another answer, and what is told of them."""
     with tempfile.TemporaryDirectory() as folder:
-        answers = [(slip, LISTS[name](slip, Path(folder))) for slip in slips(name)]
+        answers = [(slip, LISTS[name](slip, Path(folder))) for slip in (slips(name) if some is None else some)]
     return [(slip, told) for slip, told in answers if not slip.right(told)]
 
 
