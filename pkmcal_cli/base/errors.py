@@ -150,6 +150,11 @@ class BadInput(PkmcalError):
         """A `BadInput` of one fault."""
         return cls([Fault(code, message, where, hint, source)])
 
+    @property
+    def is_unreadable(self) -> bool:
+        """Whether a file could not be read at all: nothing in it was checked."""
+        return all(fault.code == "file" for fault in self.faults)
+
     def text(self) -> str:
         """All faults, a blank line between them, and how many more there are."""
         parts = [fault.text() for fault in self.faults]

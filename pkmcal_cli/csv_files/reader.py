@@ -161,14 +161,16 @@ def check_header(reader: TableReader, log: FaultLog, names: Sequence[str | None]
 
 
 def check_cells(source: Path | str) -> None:
-    """Read a table of which nobody knows what it is about: columns that begin with a number hold numbers.
+    """Read a table of which nobody knows what it is about: columns with a unit or a number at first hold numbers.
 
     Raises BadInput with all faults of form and cells.
     """
     with open_table(source) as reader:
         log, decimal = FaultLog(reader.name), reader.format.decimal
-        named = [cell.name not in TEXT_COLUMNS for cell in reader.header]
-        plain = [known and is_number(reader.first_cell(i), decimal) for i, known in enumerate(named)]
+        plain = [
+            cell.name not in TEXT_COLUMNS and (bool(cell.unit) or is_number(reader.first_cell(i), decimal))
+            for i, cell in enumerate(reader.header)
+        ]
         for _ in reader.chunks(ColumnRules(tuple("number" if p else "skip" for p in plain)), log):
             pass
         log.raise_if_any()

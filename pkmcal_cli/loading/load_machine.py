@@ -54,12 +54,19 @@ class LoadedMachine:
         return dict(self.machine.files)
 
 
-def load_machine(path: str, receptive: bool = False) -> LoadedMachine:
-    """Read, compile and check a machine. Raises BadInput with all faults of the stage that fails.
+def load_machine(path: str, receptive: bool = False, tables: Sequence[str] = ()) -> LoadedMachine:
+    """Read, compile and check a machine. Raises BadInput with all faults of the stage that fails, and of its tables.
 
-    `receptive`: effects that it does not declare can enter too.
+    `receptive`: effects that it does not declare can enter too; tables: measurements that are read next.
     """
-    return loaded_machine(read_machine(path), receptive)
+    try:
+        return loaded_machine(read_machine(path), receptive)
+    except BadInput as error:
+        if not tables or error.is_unreadable:
+            raise
+        from pkmcal_cli.tables.table_faults import with_tables
+
+        raise with_tables(error, path, tables) from error
 
 
 def loaded_machine(machine: Machine, receptive: bool = False) -> LoadedMachine:

@@ -140,7 +140,7 @@ def checked(request: CalibrationRequest) -> str | None:
 def setting(request: CalibrationRequest, machine: LoadedMachine | None = None) -> CalibrationSetting:
     """Check what is asked for and read the files; `machine`: where it is loaded already. Raises PkmcalError."""
     file, method = checked(request), checked_method(request.method)
-    loaded = load_machine(request.machine) if machine is None else machine
+    loaded = load_machine(request.machine, tables=request.measurements) if machine is None else machine
     if not any(p.per_session for p in loaded.model.parameters):  # else the sessions must be known first
         selection(loaded.model, request.select)
     measured = load_measurements(loaded, request.measurements)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pkmcal_cli.base.errors import MAX_FAULTS, BadInput, Fault, UsageError
-from pkmcal_cli.base.files import is_stream, sha256
+from pkmcal_cli.base.files import sha256
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine, load_parameters
 from pkmcal_cli.model.singular_drives import singular_drives
@@ -24,9 +24,6 @@ from pkmcal_cli.workflow.arguments import one_stdin
 
 if TYPE_CHECKING:
     from pkmcal_cli.tables.measurement_set import Measurements
-
-UNREADABLE = "file"
-"""Code of the fault that a file cannot be read at all: that is bad input, not a finding."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,12 +68,10 @@ def run_check(request: CheckRequest) -> int:
     tolerance = _tolerance(request.tolerance)
     to = Reporter(request.quiet, request.style)
     try:
-        loaded = load_machine(request.machine)
+        loaded = load_machine(request.machine, tables=request.tables)
     except BadInput as error:
         _reraise_unreadable(error)
-        also = _of_tables(request)
-        faults, total = [*error.faults, *also.faults], error.total + also.total
-        return _finish(_End(to, as_json, {}, _named_files(request)), faults, total)
+        return _finish(_End(to, as_json, {}, _named_files(request)), list(error.faults), error.total)
     result, faults = _show_machine(loaded, request, to), idle_faults(loaded)
     total, agrees, inputs = len(faults), True, loaded.inputs
     if request.tables:
@@ -108,28 +103,6 @@ def _show_machine(loaded: LoadedMachine, request: CheckRequest, to: Reporter) ->
         to.warn(fault)
     result["warnings"] = [_json(f) for f in warnings]
     return result
-
-
-def _of_tables(request: CheckRequest) -> BadInput:
-    """Faults of the tables of a machine that has faults: by its columns where it could be read, else of their form."""
-    from pkmcal_cli.csv_files.reader import check_cells
-    from pkmcal_cli.language.machine_yaml import read_machine
-    from pkmcal_cli.tables.measurements import read_measurements
-
-    faults, total = list[Fault](), 0
-    try:
-        machine = read_machine(request.machine) if request.tables and not is_stream(request.machine) else None
-    except BadInput:
-        machine = None
-    for table in request.tables:
-        try:
-            if machine is not None and machine.sensors:
-                read_measurements([table], machine)
-            else:
-                check_cells(table)
-        except BadInput as error:
-            faults, total = [*faults, *error.faults], total + error.total
-    return BadInput(faults, total)
 
 
 def _named_files(request: CheckRequest) -> dict[str, str]:
@@ -194,8 +167,8 @@ def _finish(end: _End, faults: list[Fault], total: int, agrees: bool = True) -> 
 
 
 def _reraise_unreadable(error: BadInput) -> None:
-    """A file that cannot be read has not been checked."""
-    if all(f.code == UNREADABLE for f in error.faults):
+    """A file that cannot be read has not been checked: that is bad input, not a finding."""
+    if error.is_unreadable:
         raise error
 
 
