@@ -85,7 +85,7 @@ def test_tables_and_pictures(tmp_path: Path) -> None:
     assert "measured points" in picture.read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("how", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("jobs", [pytest.param("1"), pytest.param("2", marks=pytest.mark.slow)])
 def test_stopped_it_goes_on_without_loss(tmp_path: Path, how: signal.Signals, jobs: str) -> None:
     state = tmp_path / "state.json"
