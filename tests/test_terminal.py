@@ -38,11 +38,12 @@ def test_errors_are_styled_on_terminals_alone(arguments: tuple[str, ...]) -> Non
     assert not wants_styles(io.StringIO())
 
 
+PLAIN = str(MACHINES / "triglide-nonredundant.yaml")
 QUIET = [
     ("check", TRIGLIDE, TRIGLIDE_DATA), ("simulate", TRIGLIDE, "--grid", "x=300:400:2"), ("effects",),
     ("sensitivity", TRIGLIDE), ("observability", TRIGLIDE), ("calibrate", TRIGLIDE, TRIGLIDE_DATA, "--holdout", "none"),
     ("correct", TRIGLIDE, "--grid", "x=300:400:2"), ("plan", TRIGLIDE, "--grid", "x=300:500:4,y=250:300:3"),
-    ("compare", TRIGLIDE, str(MACHINES / "triglide-nonredundant.yaml"), TRIGLIDE_DATA),
+    ("compare", TRIGLIDE, PLAIN, TRIGLIDE_DATA),
     ("new", "--from", str(MACHINES / "printer.cfg")),
 ]  # fmt: skip
 
@@ -95,11 +96,11 @@ def test_steps_of_a_search_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(bars, "shown_on", lambda *_: True)
     monkeypatch.setattr(bars, "progress_bar", recorded)
     worn, table = tmp_path / "worn.yaml", tmp_path / "table.csv"
-    worn.write_text(f"extends: {TRIGLIDE}\neffects: {{backlash@q1: {{b: 300 um}}, backlash@q2: {{b: 200 um}}}}\n")
+    worn.write_text(f"extends: {PLAIN}\neffects: {{backlash@q1: {{b: 300 um}}, backlash@q2: {{b: 200 um}}}}\n")
     grid = ("--grid", "x=200:700:6,y=200:350:5", "--noise", "declared", "--seed", "1", "-o", table)
     assert run("simulate", worn, *grid).code == 0
     told.clear()
-    run("improve", TRIGLIDE, table, "--only", "backlash@q1,backlash@q2")
+    run("improve", PLAIN, table, "--only", "backlash@q1,backlash@q2")
     lines = [line for line, _ in told]
     assert any(line.startswith("all rows, ") for line in lines)
     assert any(line.startswith("rotation 2 of 5, search") for line in lines)
