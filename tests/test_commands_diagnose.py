@@ -166,8 +166,9 @@ def test_narrow_terminals_show_names_and_sizes_whole(monkeypatch: pytest.MonkeyP
     assert "unequal_backlash" in run("effects", SCISSORS).err
 
 
-def test_commands_to_go_on_with_can_be_run() -> None:
-    """`plan` with the machine and table of the diagnosis; stdin has no name."""
+def test_commands_to_go_on_with_can_be_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`plan` with the machine and table of the diagnosis, in which few ways are tried; stdin has no name."""
+    monkeypatch.setattr("pkmcal_cli.workflow.approaches._TRIES", 2)
     shown = diagnosed(SCISSORS, SHOPFLOOR).err
     (line,) = (row for row in shown.splitlines() if "points that would show one: " in row)
     words = line.partition("pkmcal ")[2].replace("EFFECT", "clearance@rod5").split()

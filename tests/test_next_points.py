@@ -69,6 +69,7 @@ def test_noise_is_told_by_the_residuals_not_by_what_is_stated(tmp_path: Path) ->
     assert stds[0] > 1.03 * l1["std"], "which takes a mean of both"
 
 
+@pytest.mark.usefixtures("hasty")
 def test_the_rows_that_it_asks_for_tell_what_it_says(tmp_path: Path) -> None:
     case, rng = CASES[0], np.random.default_rng(5)
     readings, values, true = campaign(case, 5)
