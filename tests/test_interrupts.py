@@ -15,7 +15,7 @@ from tests.command import MACHINES
 @pytest.mark.parametrize(
     "arguments",
     [
-        ("diagnose", "scissors.yaml", "scissors-shopfloor.csv", "-q"),
+        pytest.param(("diagnose", "scissors.yaml", "scissors-shopfloor.csv", "-q"), marks=pytest.mark.slow),
         ("calibrate", "hexapod7.yaml", "hexapod7.csv", "-q", "--holdout", "none"),
     ],
 )
