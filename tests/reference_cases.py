@@ -18,7 +18,7 @@ LONG = {
     "calibrate": ("triglide", "scissors-shopfloor", "delta4", "hangprinter_2021-12-16", "belt-router"),
     "plan": ("triglide",),
     "diagnose": ("biglide", "scissors-shopfloor"),
-    "improve": ("biglide", "scissors-shopfloor"),
+    "improve": ("scissors-shopfloor",),
 }
 """Commands that take long, and the tables on which CI compares them; they are slow on the others."""
 LARGE = ("hexapod7", "gantry-bow", "hangprinter_2022-04-12", "scissors-strained")

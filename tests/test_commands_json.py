@@ -144,17 +144,17 @@ def write_all(folder: Path) -> None:
     for name, table, column in (("lost", PLAIN_DATA, 1), ("shop", SHOPFLOOR, 7)):
         (folder / f"{name}.csv").write_text(one_lost(Path(table).read_text(), column))
     for machine, table, name in ((PLAIN, PLAIN_DATA, "p.yaml"), (SCISSORS, SHOPFLOOR, "shop.params.yaml")):
-        assert run("calibrate", machine, table, "-o", folder / name, "-q", "--force").code == 0
+        assert run("calibrate", machine, table, "-o", folder / name, "-q", "--force", *WHOLE).code == 0
     write_ropes(folder)
     write_wrong(folder)
     (folder / "apart.yaml").write_text(f"extends: {PLAIN}\nsensors: {{tracker: {{frame: fitted}}}}\n")
     (folder / "scaled.yaml").write_text(f"extends: {PLAIN}\neffects: {{scale@q1: {{s: {{identify: true}}}}}}\n")
     for name in ("apart", "scaled"):
-        options = ("-o", folder / f"{name}.params.yaml", "-q", "--force", "--run", folder / "runs")
+        options = ("-o", folder / f"{name}.params.yaml", "-q", "--force", "--run", folder / "runs", *WHOLE)
         assert run("calibrate", folder / f"{name}.yaml", PLAIN_DATA, *options).code == 0
 
 
-APART = "apart.params.yaml"
+APART, WHOLE = "apart.params.yaml", ("--holdout", "none")
 
 
 def commands() -> dict[str, list[list[str]]]:
@@ -183,20 +183,22 @@ def commands() -> dict[str, list[list[str]]]:
         "sensitivity": [[PLAIN, *partly], [PLAIN, "--grid", GRID, "--channel", "x"]], "observability": [
             [PLAIN, "one.csv"], [f"{belts}.yaml", f"{belts}.csv"], [PLAIN, *partly]],
         "calibrate": [
-            [PLAIN, "one.csv", "--select", "l1,xb1r"], [PLAIN, "repeated.csv"], [PLAIN, "lost.csv"],
+            [PLAIN, "one.csv", "--select", "l1,xb1r"], [PLAIN, "repeated.csv", *WHOLE], [PLAIN, "lost.csv"],
             [PLAIN, "one.csv", "--select", "l1", "--method", "linear"], accepted,
-            [HANGPRINTER, HANGPRINTER_DATA, "--holdout", "5"], [f"{belts}.yaml", f"{belts}.csv", "--starts", "2"],
-            ["ropes.yaml", "ropes.csv", "--select", "x1,x2,x3"], [PLAIN, PLAIN_DATA, "--fail-above", "chi2 2"],
-            ["gauge.yaml", "row.csv"], ["coarse.yaml", PLAIN_DATA],
+            [HANGPRINTER, HANGPRINTER_DATA, *WHOLE], [f"{belts}.yaml", f"{belts}.csv", "--starts", "2", *WHOLE],
+            ["ropes.yaml", "ropes.csv", "--select", "x1,x2,x3", *WHOLE], ["gauge.yaml", "row.csv", *WHOLE],
+            [PLAIN, PLAIN_DATA, "--fail-above", "chi2 2", *WHOLE], ["coarse.yaml", PLAIN_DATA, *WHOLE],
         ],
         "compare": [["p.yaml", "scaled.params.yaml", "--fail-above", "change 1 m"], ["runs"], [PLAIN, "apart.yaml",
             PLAIN_DATA]],
         "effects": [[], [PLAIN], [PLAIN, "one.csv", "--simulate"]], "study": STUDY, "plan": [
-            [SCISSORS, SHOPFLOOR, "--aim", "separate:backlash@q1,drift", "--points", "2"], [SCISSORS, SHOPFLOOR],
             [PLAIN, PLAIN_DATA, "--next", "--budget", "233", "--aim", "l1 10 um"],
-            [PLAIN, "lost.csv"], [PLAIN, "--grid", "x=300:600:5,y=200:350:4",
+            [PLAIN, "lost.csv"], [PLAIN, "--grid", "x=300:600:4,y=200:350:2",
             "--aim", "scale@q1", "--points", "1", "--power", "1"]],
     }  # fmt: skip
+
+
+PLANS = ((SCISSORS, SHOPFLOOR), (SCISSORS, SHOPFLOOR, "--aim", "separate:backlash@q1,drift", "--points", "2"))
 
 
 def searches(folder: Path) -> dict[str, list[list[str]]]:
@@ -228,21 +230,9 @@ sensors: {probe: {at: cart, reads: [z], sigma: 1 um, frame: machine}}
 SEARCHING = ("diagnose", "improve")
 LONG = dict.fromkeys((*SEARCHING, "plan"), pytest.mark.slow)
 SHOWN = [
-    "check",
-    "draw",
-    "simulate",
-    "new",
-    "correct",
-    "sensitivity",
-    "observability",
-    "calibrate",
-    "compare",
-    "diagnose",
-    "effects",
-    "improve",
-    "plan",
-    "study",
-]
+    "check", "draw", "simulate", "new", "correct", "sensitivity", "observability", "calibrate", "compare", "diagnose",
+    "effects", "improve", "plan", "study",
+]  # fmt: skip
 
 
 SELDOM = {"improve": {"provenance.accepted[]", "provenance.implausible[]"}}  # as in `calibrate`
@@ -263,6 +253,14 @@ def test_the_documented_keys_are_those_that_are_there(
     assert known - found == SELDOM.get(command, set())
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("arguments", PLANS)
+def test_other_plans_show_no_other_keys(arguments: tuple[str, ...]) -> None:
+    done = run("plan", *arguments, "--json", "-q")
+    assert done.code == 0 and faults_of("plan", done.json) == []
+    assert {p for p in paths(done.json) if not covers(p, documented()["plan"])} == set()
+
+
 def test_every_row_of_the_documentation_says_what_or_repeats() -> None:
     text = (ROOT / "docs" / "json.md").read_text()
     for line in re.findall(r"^\| `.*$", text, flags=re.MULTILINE):
@@ -277,15 +275,7 @@ def test_keys_that_the_interface_promises_by_name() -> None:
     held = ("heldout.rms_before", "heldout.rms_after", "heldout.scheme")
     assert {*plain, *held, *kinds, *(f"parameters[].{k}" for k in parameter)} <= known["calibrate"]
     numbers = {
-        "condition_number",
-        "condition_number_whitened",
-        "rank",
-        "singular_values[]",
-        "O1",
-        "O2",
-        "O3",
-        "O4",
-        "O5",
-    }
+        "condition_number", "condition_number_whitened", "rank", "singular_values[]", "O1", "O2", "O3", "O4", "O5",
+    }  # fmt: skip
     assert {*numbers, "parameters[].name", "parameters[].std"} <= known["observability"]
     assert {f"parameters[].{k}" for k in ("name", "position", "orientation", "unit")} <= known["sensitivity"]

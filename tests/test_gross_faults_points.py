@@ -24,7 +24,8 @@ def spoilt(folder: Path, change: dict[str, str], times: dict[str, float]) -> tup
     machine.write_text(TRACKER, encoding="utf-8")
     values = folder / "v.yaml"
     values.write_text("parameters: {a7: 200.05, a2: 199.96}\n", encoding="utf-8")  # the redundant leg pulls
-    poses = MACHINES / "hexapod7.csv"
+    poses, lines = folder / "p.csv", (MACHINES / "hexapod7.csv").read_text(encoding="utf-8").splitlines()
+    poses.write_text("\n".join([lines[0], *lines[1::2], ""]), encoding="utf-8")
     done = run("simulate", machine, poses, "-p", values, "--noise", "declared", "-o", table, "-q")
     assert done.code == 0, done.err
     lines = [line for line in table.read_text(encoding="utf-8").splitlines() if line[:1] != "#"]
@@ -47,7 +48,7 @@ def exchanged(*pairs: tuple[str, str]) -> dict[str, str]:
     return {a: b for pair in pairs for a, b in (pair, pair[::-1])}
 
 
-LONG = dict.fromkeys(("two drives", "two reflectors", "one coordinate of two points"), pytest.mark.slow)
+LONG = dict.fromkeys(("two drives", "two reflectors"), pytest.mark.slow)
 CASES = {
     "one coordinate of two points": (
         exchanged(("tracker.P1.x", "tracker.P3.x")), {}, "`tracker.P1.x` and `tracker.P3.x` look swapped",

@@ -23,7 +23,7 @@ from tests.truth.campaigns import campaign, unit
 @pytest.fixture(scope="module")
 def search() -> Search:
     """A backlash of the Scissors in the fit."""
-    case = ready(campaign("scissors", [unit("scissors", "backlash", "q3", 4)], 4))
+    case = ready(campaign("scissors", [unit("scissors", "backlash", "q3", 4)], 4, rows=40))
     (accepted,) = (h for h in case.candidates.hypotheses if h.name == "backlash@q3")
     selected = (*case.selected, *accepted.parameters)
     fit = identify(case.problem, selected)

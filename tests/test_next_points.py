@@ -12,6 +12,7 @@ from pkmcal_cli.calibration.observability_indices import observability
 from pkmcal_cli.calibration.problem import design_problem
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.report.console import Reporter
+from pkmcal_cli.workflow import approaches
 from pkmcal_cli.workflow.next_points import NextPoints, _Outlook, next_points
 from tests.command import clean, run
 from tests.next_campaigns import BOX, CASES, LIMIT, MACHINE, NAME, SIGMA, Case, Knowing, grown, measured, table
@@ -24,6 +25,12 @@ def campaign(case: Case, seed: int, k: int = 3) -> tuple[np.ndarray, np.ndarray,
     true = {n: v + rng.normal(0, 0.05e-3) for n, v in machine.nominal.items() if n[0] in "lxy"}
     readings = machine.inverse(grid((*BOX[0], k), (*BOX[1], k)))
     return readings, measured(readings, case, seed, true, rng), true
+
+
+@pytest.fixture
+def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few ways to step back are tried: for tests of what is said."""
+    monkeypatch.setattr(approaches, "_TRIES", 2)
 
 
 def asked(file: Path, readings: np.ndarray, values: np.ndarray, limit: float = LIMIT) -> NextPoints:
@@ -46,6 +53,7 @@ def test_points_as_good_as_those_of_a_plan_that_knows_all(seed: int, tmp_path: P
     assert observed.std[observed.selected.index(NAME)] < 1.02 * LIMIT
 
 
+@pytest.mark.usefixtures("hasty")
 def test_noise_is_told_by_the_residuals_not_by_what_is_stated(tmp_path: Path) -> None:
     """Twice the stated noise: the uncertainty that decides is that of a calibration to which no sigma is stated."""
     readings, values, _ = campaign(CASES[1], 2, 4)
@@ -61,6 +69,7 @@ def test_noise_is_told_by_the_residuals_not_by_what_is_stated(tmp_path: Path) ->
     assert stds[0] > 1.03 * l1["std"], "which takes a mean of both"
 
 
+@pytest.mark.usefixtures("hasty")
 def test_the_rows_that_it_asks_for_tell_what_it_says(tmp_path: Path) -> None:
     case, rng = CASES[0], np.random.default_rng(5)
     readings, values, true = campaign(case, 5)
@@ -95,6 +104,7 @@ def test_what_is_promised_and_what_is_known(std: float, planned: float, noise: f
     assert outlook.std(planned) == pytest.approx(std if std**-2 > rows or noise * planned <= limit else rows**-0.5)
 
 
+@pytest.mark.usefixtures("hasty")
 def test_a_command_that_is_asked_again(tmp_path: Path) -> None:
     """Ends with 0 where there is something to do or nothing left, with 1 where the budget does not do."""
     readings, values, _ = campaign(CASES[0], 2)
@@ -121,6 +131,7 @@ def test_from_rows_at_one_place_a_workspace_leads_on(tmp_path: Path) -> None:
         assert done.code == code and ("`workspace:`" in told) is helped, told
 
 
+@pytest.mark.usefixtures("hasty")
 def test_it_goes_on_with_the_session_measured_last_and_says_so(tmp_path: Path) -> None:
     """By time, however the rows are ordered: here the last row of the file is the first that was measured."""
     readings, values, _ = campaign(CASES[0], 5)

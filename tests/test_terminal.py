@@ -38,11 +38,12 @@ def test_errors_are_styled_on_terminals_alone(arguments: tuple[str, ...]) -> Non
     assert not wants_styles(io.StringIO())
 
 
+PLAIN = str(MACHINES / "triglide-nonredundant.yaml")
 QUIET = [
     ("check", TRIGLIDE, TRIGLIDE_DATA), ("simulate", TRIGLIDE, "--grid", "x=300:400:2"), ("effects",),
     ("sensitivity", TRIGLIDE), ("observability", TRIGLIDE), ("calibrate", TRIGLIDE, TRIGLIDE_DATA, "--holdout", "none"),
-    ("correct", TRIGLIDE, "--grid", "x=300:400:2"), ("plan", TRIGLIDE, "--grid", "x=300:500:4,y=250:300:3"),
-    ("compare", TRIGLIDE, str(MACHINES / "triglide-nonredundant.yaml"), TRIGLIDE_DATA),
+    ("correct", TRIGLIDE, "--grid", "x=300:400:2"), ("plan", PLAIN, "--grid", "x=300:500:4,y=250:300:3"),
+    ("compare", TRIGLIDE, PLAIN, TRIGLIDE_DATA),
     ("new", "--from", str(MACHINES / "printer.cfg")),
 ]  # fmt: skip
 
@@ -63,6 +64,9 @@ def test_long_work_shows_step_and_remaining_time() -> None:
 
 
 def test_what_ends_within_a_second_shows_no_bar(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert bars._AFTER == 1.0
+    monkeypatch.setattr(bars, "_AFTER", 0.2)
+
     def shown(seconds: float) -> str:
         out = io.StringIO()
         with progress_bar(Console(file=out, force_terminal=True, width=80)) as observe:
@@ -70,7 +74,7 @@ def test_what_ends_within_a_second_shows_no_bar(monkeypatch: pytest.MonkeyPatch)
             time.sleep(seconds)
         return out.getvalue()
 
-    assert shown(0.0) == "" and "fold 2 of 4" in plain(shown(1.4))
+    assert shown(0.0) == "" and "fold 2 of 4" in plain(shown(0.6))
 
 
 def test_remaining_time_is_that_of_the_largest_step() -> None:
@@ -95,11 +99,11 @@ def test_steps_of_a_search_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(bars, "shown_on", lambda *_: True)
     monkeypatch.setattr(bars, "progress_bar", recorded)
     worn, table = tmp_path / "worn.yaml", tmp_path / "table.csv"
-    worn.write_text(f"extends: {TRIGLIDE}\neffects: {{backlash@q1: {{b: 300 um}}, backlash@q2: {{b: 200 um}}}}\n")
+    worn.write_text(f"extends: {PLAIN}\neffects: {{backlash@q1: {{b: 300 um}}, backlash@q2: {{b: 200 um}}}}\n")
     grid = ("--grid", "x=200:700:6,y=200:350:5", "--noise", "declared", "--seed", "1", "-o", table)
     assert run("simulate", worn, *grid).code == 0
     told.clear()
-    run("improve", TRIGLIDE, table, "--only", "backlash@q1,backlash@q2")
+    run("improve", PLAIN, table, "--only", "backlash@q1,backlash@q2")
     lines = [line for line, _ in told]
     assert any(line.startswith("all rows, ") for line in lines)
     assert any(line.startswith("rotation 2 of 5, search") for line in lines)

@@ -18,6 +18,7 @@ from tests.test_commands_report import UNSEARCHED
 from tests.truth import generate
 
 BIGLIDE = str(MACHINES / "biglide.yaml")
+WHOLE = ("-q", "--holdout", "none")
 
 
 @pytest.fixture
@@ -89,7 +90,7 @@ def test_an_instrument_may_stand_elsewhere(tmp_path: Path) -> None:
     machine = tmp_path / "anywhere.yaml"
     machine.write_text(f"extends: {BIGLIDE}\nsensors: {{tracker: {{frame: fitted}}}}\ndatum: [x8, y8, yb1r]\n")
     before = write_table(tmp_path / "before.csv", "biglide", true_values("biglide", 1), 1, 60, turn=0.3)
-    assert run("calibrate", machine, before, "-o", tmp_path / "p.yaml", "-q", "--holdout", "none").code == 0
+    assert run("calibrate", machine, before, "-o", tmp_path / "p.yaml", *WHOLE).code == 0
     after = write_table(tmp_path / "after.csv", "biglide", true_values("biglide", 1), 2, 30, turn=-2.0)
     done = run("check", machine, after, "-p", tmp_path / "p.yaml", "--json", "-q")
     found = done.json["verification"]
@@ -97,7 +98,7 @@ def test_an_instrument_may_stand_elsewhere(tmp_path: Path) -> None:
     aligned = write_table(tmp_path / "aligned.csv", "biglide", true_values("biglide", 1), 2, 30)
     for file, told in ((machine, True), (BIGLIDE, False)):  # what then cannot be judged is said beside the verdict
         parameters = tmp_path / f"{told}.yaml"
-        assert run("calibrate", file, before if told else aligned, "-o", parameters, "-q").code == 0
+        assert run("calibrate", file, before if told else aligned, "-o", parameters, *WHOLE).code == 0
         shown = run("check", file, after if told else aligned, "-p", parameters).err
         assert ("where the machine as a whole is cannot be judged" in shown) == told
         assert "Actuators in the reference configuration" not in shown
