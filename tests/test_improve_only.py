@@ -11,7 +11,6 @@ from tests.computed_once import run_once
 from tests.truth.campaigns import Planted, campaign
 
 SIMULATED = {
-    "play": Planted("backlash", "q1", {"b": 40e-6}),
     "scaled": Planted("scale", "q1", {"s": 400e-6}),
     "step": Planted("odd_tanh", "q2", {"h": 60e-6}),
 }
@@ -27,8 +26,8 @@ def tables(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 def test_a_displacement_without_a_name_is_not_added_unless_it_is_listed(tables: dict[str, Path]) -> None:
-    """Play of one drive, tested as one of all: what that leaves is no shape of another drive."""
-    done = clean(run_once("improve", TRIGLIDE, tables["play"], "--only", "backlash@all", "--json"))
+    """A step of one drive, of which play of all is the only listed cause."""
+    done = clean(run_once("improve", TRIGLIDE, tables["step"], "--only", "backlash@all", "--json"))
     assert {f"{s['effect']}@{s['at']}" for s in done.json["steps"]} <= {"backlash@all"}
     assert done.json["only"] == ["backlash@all"]
     assert "of the catalogue" not in done.err and "only backlash@all was tested" in done.err

@@ -48,6 +48,6 @@ def critical_p(smallest: Array, alpha: float) -> float:
 
 
 def effective_tests(smallest: Array) -> float:
-    """Number of independent tests with the same chance of a false alarm, at 5 %."""
+    """Number of independent tests with the same chance of a false alarm, at 5 %; 0 where nothing can be tested."""
     p = critical_p(smallest, 0.05)
-    return float(np.log(0.95) / np.log1p(-p))
+    return float(np.log(0.95) / np.log1p(-p)) if p < 1.0 else 0.0
