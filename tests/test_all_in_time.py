@@ -14,18 +14,18 @@ from pkmcal_cli.loading.covariates import with_directions
 from pkmcal_cli.prediction import Rows
 from tests.command import TRIGLIDE, clean, run
 from tests.computed_once import run_once
-from tests.truth.campaigns import Planted, campaign
+from tests.truth.campaigns import Planted, Scenario, campaign
 
 SEED, ROWS, FIRST = 6, 120, 71  # of 120 rows, the first after the step
 SHIFT = 0.05  # mm
 
 
-def moved(planted: tuple[Planted, ...], shift: Callable[[Array], Array]) -> list[list[str]]:
+def moved(planted: tuple[Planted, ...], shift: Callable[[Array], Array], stream: int = 0) -> list[list[str]]:
     """A table of the Triglide by an independent simulator, x of its rows shifted by a function of time (0 ... 1).
 
-    Without temperatures and sessions: no drift or set-up is an effect that could be tested.
+    `stream`: of other poses. Without temperatures and sessions: no drift or set-up is an effect that could be tested.
     """
-    text = campaign("triglide", list(planted), SEED).csv_text()
+    text = campaign("triglide", list(planted), SEED, scenario=Scenario(stream=stream)).csv_text()
     rows = [line.split(",") for line in text.splitlines() if not line.startswith("#")]
     kept = [k for k, name in enumerate(rows[0]) if not name.startswith(("T", "session"))]
     rows = [[row[k] for k in kept] for row in rows[: ROWS + 1]]
@@ -54,7 +54,8 @@ def test_a_step_is_told_alone(tmp_path: Path) -> None:
     assert unknown["depends_on"] == "time" and unknown["hint"] == f"step at row {FIRST + 1} after {90 * FIRST} s"
     assert f"a step at row {FIRST + 1} after {90 * FIRST} s describes it" in done.err
     assert "session (column `session`)" in done.err and "compensation table" not in done.err
-    improved = clean(run_once("improve", TRIGLIDE, table, "--json"))
+    apart = written(tmp_path / "apart.csv", moved((), step, stream=1))
+    improved = clean(run_once("improve", TRIGLIDE, table, "--validation", apart, "--json"))
     assert improved.json["steps"] == []
 
 

@@ -56,7 +56,10 @@ def test_uncertainty_is_what_data_tell() -> None:
     assert abs(finding.estimate[0] - SIZE) < 3.0 * finding.std[0]
 
 
-@pytest.mark.parametrize(("keyword", "parameters"), [("backlash", (PARAMETER,)), ("pitch", PITCH_PARAMETERS)])
+@pytest.mark.parametrize(
+    ("keyword", "parameters"),
+    [("backlash", (PARAMETER,)), pytest.param("pitch", PITCH_PARAMETERS, marks=pytest.mark.slow)],
+)
 def test_range_does_not_matter(keyword: str, parameters: tuple[str, ...]) -> None:
     """Values, uncertainties and the gain on rows held out are those of an effect within a wider range."""
     _, table = coarse(keyword)

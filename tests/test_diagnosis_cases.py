@@ -18,7 +18,7 @@ triglide-nonredundant 826121 thermal_strut@rod2*0.795
 scissors              673475 backlash@q3*0.285
 scissors              889864 thermal_foot@left*0.0605 slow
 delta4                52945  frame@tracker*1.62
-triglide              684405 pitch_curve@q2*3.87 straight@rail.y*3.77
+triglide              684405 pitch_curve@q2*3.87 straight@rail.y*3.77 slow
 triglide              500905 pitch_curve@q1*6.11 slow
 triglide-nonredundant 5989   thermal_screw@q2*0.485 slow
 triglide-nonredundant 656977 backlash@q2*2.03 slow
@@ -41,7 +41,7 @@ delta4                582788 frame@tracker*6.63 pitch@q1*4.01 slow
 SETS = """
 triglide              754619 frame@tracker*1.87
 triglide-nonredundant 542324 meas_scale@tracker*1.37 slow
-scissors              679401 meas_scale@grid*0.17
+scissors              679401 meas_scale@grid*0.17 slow
 delta4                541198 carriage_angle@c3.ry*1.18 slow
 """
 """Another effect does the same: a set that holds the truth is named."""
@@ -136,7 +136,7 @@ def test_where_two_do_the_same_a_set_is_named(line: Line) -> None:
 
 
 OF_DRIVES = [
-    ("triglide", Planted("zero_drift", "q2", {"o1": 60e-6, "o2": -20e-6})),
+    pytest.param("triglide", Planted("zero_drift", "q2", {"o1": 60e-6, "o2": -20e-6}), marks=pytest.mark.slow),
     ("scissors", Planted("zero_drift", "q2", {"o1": 60e-6, "o2": -20e-6})),
     pytest.param("delta4", Planted("zero_drift", "q2", {"o1": 60e-6, "o2": 20e-6}), marks=pytest.mark.slow),
     pytest.param("triglide", Planted("zero", "q1[s2]", {"o": 60e-6}), marks=pytest.mark.slow),

@@ -250,7 +250,7 @@ def poses() -> str:
 
 
 @pytest.mark.parametrize(
-    "effect", in_ci(["frame@ballbar", "meas_scale@encoder"], PLANTED)
+    "effect", in_ci(["frame@ballbar"], PLANTED)
 )
 def test_a_planted_fault_of_an_instrument_is_found(effect: str, tmp_path: Path) -> None:
     """Simulated with the declared noise; the diagnosis names it first, sizes are within four standard uncertainties."""

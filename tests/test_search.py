@@ -209,6 +209,7 @@ def test_what_held_out_rows_speak_against_is_unknown_as_long_as_it_is_significan
     assert refuted_causes(explained, score_all(explained, explained.open)) == []
 
 
+@pytest.mark.slow
 def test_the_set_of_an_effect_is_judged_where_the_search_has_come_to() -> None:
     case = planted(("backlash", "q3", 1.0))
     near = set_of(at(case, "backlash@q1"), at(case, "backlash@q1").accepted[0])
