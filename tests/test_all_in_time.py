@@ -14,18 +14,19 @@ from pkmcal_cli.loading.covariates import with_directions
 from pkmcal_cli.prediction import Rows
 from tests.command import TRIGLIDE, clean, run
 from tests.computed_once import run_once
-from tests.truth.campaigns import Planted, campaign
+from tests.truth.campaigns import Planted, Scenario, campaign
+from tests.unsized import UNSIZED
 
 SEED, ROWS, FIRST = 6, 120, 71  # of 120 rows, the first after the step
 SHIFT = 0.05  # mm
 
 
-def moved(planted: tuple[Planted, ...], shift: Callable[[Array], Array]) -> list[list[str]]:
+def moved(planted: tuple[Planted, ...], shift: Callable[[Array], Array], stream: int = 0) -> list[list[str]]:
     """A table of the Triglide by an independent simulator, x of its rows shifted by a function of time (0 ... 1).
 
-    Without temperatures and sessions: no drift or set-up is an effect that could be tested.
+    `stream`: of other poses. Without temperatures and sessions: no drift or set-up is an effect that could be tested.
     """
-    text = campaign("triglide", list(planted), SEED).csv_text()
+    text = campaign("triglide", list(planted), SEED, scenario=Scenario(stream=stream)).csv_text()
     rows = [line.split(",") for line in text.splitlines() if not line.startswith("#")]
     kept = [k for k, name in enumerate(rows[0]) if not name.startswith(("T", "session"))]
     rows = [[row[k] for k in kept] for row in rows[: ROWS + 1]]
@@ -45,6 +46,7 @@ def written(file: Path, rows: list[list[str]]) -> Path:
     return file
 
 
+@UNSIZED
 def test_a_step_is_told_alone(tmp_path: Path) -> None:
     """No effect that imitates a part of it, none of its harmonics; and what is to be done."""
     table = written(tmp_path / "t.csv", moved((), step))
@@ -62,6 +64,7 @@ def test_a_step_is_not_improved_upon(tmp_path: Path) -> None:
     assert clean(run_once("improve", TRIGLIDE, table, "--json")).json["steps"] == []
 
 
+@UNSIZED
 def test_rows_out_of_order_are_judged_by_time(tmp_path: Path) -> None:
     head, *rows = moved((), step)
     first = rows[FIRST]
@@ -73,6 +76,7 @@ def test_rows_out_of_order_are_judged_by_time(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@UNSIZED
 def test_what_is_there_besides_comes_out_as_advised(tmp_path: Path) -> None:
     """Rows from the step on as another session: the set-up and the play of a drive are found, and nothing unknown."""
     rows = moved((Planted("backlash", "q1", {"b": 60e-6}),), step)
@@ -87,6 +91,7 @@ def test_what_is_there_besides_comes_out_as_advised(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@UNSIZED
 def test_a_smooth_drift_is_no_step_and_told_alone_too(tmp_path: Path) -> None:
     table = written(tmp_path / "t.csv", moved((), lambda u: 2 * SHIFT * u))
     done = clean(run_once("diagnose", TRIGLIDE, table, "--json"))

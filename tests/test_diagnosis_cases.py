@@ -41,7 +41,7 @@ delta4                582788 frame@tracker*6.63 pitch@q1*4.01 slow
 SETS = """
 triglide              754619 frame@tracker*1.87
 triglide-nonredundant 542324 meas_scale@tracker*1.37 slow
-scissors              679401 meas_scale@grid*0.17
+scissors              679401 meas_scale@grid*0.17 slow
 delta4                541198 carriage_angle@c3.ry*1.18 slow
 """
 """Another effect does the same: a set that holds the truth is named."""
