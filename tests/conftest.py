@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import gc
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,15 @@ LONGEST = (
     "test_command_fuzz", "test_one_wrong_cell", "test_next_points", "test_commands_calibrate",
 )  # fmt: skip
 """They begin, so that no process ends long after the others."""
+
+
+@pytest.fixture(scope="module")
+def unsized() -> Iterator[None]:
+    """No sizes that effects would need to be seen: none is looked at."""
+    from tests.unsized import UNSIZED
+
+    with UNSIZED:
+        yield
 
 
 def pytest_collection_finish() -> None:

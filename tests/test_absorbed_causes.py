@@ -12,7 +12,8 @@ from tests.benchmark.cases import case as of_benchmark
 from tests.benchmark.setting import diagnosed as diagnosis_of
 from tests.campaign_tables import true_values, write_table
 from tests.command import MACHINES, SCISSORS, Done, clean, run
-from tests.unsized import UNSIZED
+
+pytestmark = pytest.mark.usefixtures("unsized")
 
 TRIGLIDE = str(MACHINES / "triglide.yaml")
 
@@ -28,7 +29,6 @@ def with_constants(file: Path, machine: str, constants: Mapping[str, float], row
     return str(file)
 
 
-@UNSIZED
 def diagnosed(machine: str, table: str) -> Done:
     done = clean(run("diagnose", machine, table, "--json"))
     assert done.code == 1 and done.json["verdict"] == "found", done.err
@@ -95,7 +95,6 @@ def test_a_constant_of_two_drives(groups: str, tmp_path: Path) -> None:
         assert abs(size["value"] - true) < 4 * size["std"] < 1000, "um"
 
 
-@UNSIZED
 def test_a_dimension_within_reason_is_no_cause(tmp_path: Path) -> None:
     """A bearing 0.6 mm from where it was drawn, six ranges: ranges are guesses, and a constant is no better one."""
     table = Path(write_table(tmp_path / "t.csv", "triglide", true_values("triglide", 5, xb2r=0.6e-3), 5, 60))
@@ -104,7 +103,6 @@ def test_a_dimension_within_reason_is_no_cause(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@UNSIZED
 def test_a_calibration_that_is_implausible_is_not_clean(tmp_path: Path) -> None:
     """A leg 3 mm longer than drawn, 30 ranges, which no constant of a drive explains."""
     table = Path(write_table(tmp_path / "t.csv", "triglide", true_values("triglide", 5, l1=3e-3), 5, 60))

@@ -15,7 +15,8 @@ from pkmcal_cli.prediction import Rows
 from tests.command import TRIGLIDE, clean, run
 from tests.computed_once import run_once
 from tests.truth.campaigns import Planted, Scenario, campaign
-from tests.unsized import UNSIZED
+
+pytestmark = pytest.mark.usefixtures("unsized")
 
 SEED, ROWS, FIRST = 6, 120, 71  # of 120 rows, the first after the step
 SHIFT = 0.05  # mm
@@ -46,7 +47,6 @@ def written(file: Path, rows: list[list[str]]) -> Path:
     return file
 
 
-@UNSIZED
 def test_a_step_is_told_alone(tmp_path: Path) -> None:
     """No effect that imitates a part of it, none of its harmonics; and what is to be done."""
     table = written(tmp_path / "t.csv", moved((), step))
@@ -64,7 +64,6 @@ def test_a_step_is_not_improved_upon(tmp_path: Path) -> None:
     assert clean(run_once("improve", TRIGLIDE, table, "--json")).json["steps"] == []
 
 
-@UNSIZED
 def test_rows_out_of_order_are_judged_by_time(tmp_path: Path) -> None:
     head, *rows = moved((), step)
     first = rows[FIRST]
@@ -76,7 +75,6 @@ def test_rows_out_of_order_are_judged_by_time(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@UNSIZED
 def test_what_is_there_besides_comes_out_as_advised(tmp_path: Path) -> None:
     """Rows from the step on as another session: the set-up and the play of a drive are found, and nothing unknown."""
     rows = moved((Planted("backlash", "q1", {"b": 60e-6}),), step)
@@ -91,7 +89,6 @@ def test_what_is_there_besides_comes_out_as_advised(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@UNSIZED
 def test_a_smooth_drift_is_no_step_and_told_alone_too(tmp_path: Path) -> None:
     table = written(tmp_path / "t.csv", moved((), lambda u: 2 * SHIFT * u))
     done = clean(run_once("diagnose", TRIGLIDE, table, "--json"))

@@ -18,6 +18,8 @@ from tests.campaigns import shipped
 from tests.command import MACHINES, run
 from tests.computed_once import run_once
 
+pytestmark = pytest.mark.usefixtures("unsized")
+
 PLAIN = "triglide-nonredundant"
 LINE = 4  # of the reading
 

@@ -18,6 +18,8 @@ from tests.command import HANGPRINTER, HANGPRINTER_DATA, MACHINES, SCISSORS, SHO
 from tests.computed_once import run_once
 from tests.truth.campaigns import campaign, unit
 
+pytestmark = pytest.mark.usefixtures("unsized")
+
 CLEAN = str(MACHINES / "scissors.csv")
 SOME = ("--only", "backlash@q3,thermal_strut@all")
 

@@ -9,6 +9,8 @@ import pytest
 
 from tests.command import TRIGLIDE, Done, clean, run
 
+pytestmark = pytest.mark.usefixtures("unsized")
+
 OFF = "parameters: {l1: 300.05, l2: 299.96, yb1r: 100.03, xb2r: 0.04, yb3r: 149.95}\n"
 NOMINAL = "parameters: {}\n"
 

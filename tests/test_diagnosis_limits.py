@@ -27,6 +27,8 @@ from tests.command import SCISSORS, SHOPFLOOR, TRIGLIDE, TRIGLIDE_DATA, run
 from tests.in_ci import in_ci
 from tests.truth.campaigns import Scenario, campaign, unit
 
+pytestmark = pytest.mark.usefixtures("unsized")
+
 
 # --- noise ---------------------------------------------------------------------------------
 @pytest.mark.parametrize(

@@ -11,6 +11,8 @@ from pkmcal_cli.report.effect_signs import sign_text
 from tests.command import MACHINES, run
 from tests.test_export_tables import STACKED
 
+pytestmark = pytest.mark.usefixtures("unsized")
+
 TRIGLIDE = MACHINES / "triglide-nonredundant.yaml"
 AHEAD = "comes to rest ahead in its direction of motion"
 

@@ -19,7 +19,8 @@ from tests.benchmark.setting import diagnosed
 from tests.command import MACHINES, Done, clean, run
 from tests.truth.campaigns import Planted, Scenario, campaign
 from tests.truth.forgotten import forgotten, without_zeros, write
-from tests.unsized import UNSIZED
+
+pytestmark = pytest.mark.usefixtures("unsized")
 
 SEEDS = 20
 
@@ -37,7 +38,6 @@ def names(done: Done) -> set[str]:
 
 
 @pytest.mark.slow
-@UNSIZED
 def test_a_length_forgotten_in_every_belt_is_named(tmp_path: Path) -> None:
     """150 mm; a calibration without it moves the anchors by more than 100 mm and leaves 28 mm."""
     machine, table = router(tmp_path, 0)
@@ -128,7 +128,6 @@ def test_improve_corrects_what_is_far_off(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("upper", [0.0, -0.004])
-@UNSIZED
 def test_forgotten_lengths_are_named_in_all_campaigns(upper: float, tmp_path: Path) -> None:
     """Of 20 seeds: the length in all belts, and drums of the upper ones that are 0.4 % too small."""
     told = [names(clean(run("diagnose", *router(tmp_path, s, upper), "--json"))) for s in range(SEEDS)]

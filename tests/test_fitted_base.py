@@ -20,6 +20,8 @@ from tests.command import run
 from tests.computed_once import run_once
 from tests.support import compiled
 
+pytestmark = pytest.mark.usefixtures("unsized")
+
 # a head of three vertical drives; their rails stand in frames, their places and zeros are parameters
 HEAD = """units: {length: mm, angle: deg, force: N}
 space: spatial

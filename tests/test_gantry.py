@@ -19,6 +19,8 @@ from tests.structures import force_controlled
 from tests.support import at, compiled, model, overlay
 from tests.truth.gantry import BOWED, NOMINAL, RANGES, Bow, Gantry
 
+pytestmark = pytest.mark.usefixtures("unsized")
+
 MM, UM = 1e-3, 1e-6
 BRIDGE = """\
 space: planar

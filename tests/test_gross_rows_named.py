@@ -13,6 +13,8 @@ import pytest
 from tests.campaign_tables import true_values, write_table
 from tests.command import MACHINES, Done, run
 
+pytestmark = pytest.mark.usefixtures("unsized")
+
 PLAIN = "triglide-nonredundant"
 SIGMA = 0.01  # mm
 

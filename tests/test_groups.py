@@ -19,6 +19,8 @@ from tests.benchmark.setting import diagnosed
 from tests.command import MACHINES, clean, column, run
 from tests.truth.campaigns import Planted, campaign
 
+pytestmark = pytest.mark.usefixtures("unsized")
+
 BELTS = MACHINES / "belt-router.yaml"
 PLAYS = {"q1": 12e-6, "q2": 25e-6, "q3": 18e-6, "q4": 9e-6}
 

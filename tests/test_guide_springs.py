@@ -19,6 +19,8 @@ from tests.elastic_guide import TOWERS, sliders
 from tests.in_ci import in_ci
 from tests.support import at, model
 
+pytestmark = pytest.mark.usefixtures("unsized")
+
 READINGS = np.array([[0.1354, 0.6646, 1.0325], [0.2354, 0.7646, 1.1325], [0.3354, 0.8646, 1.2325]])
 LENGTHS, LEVER, ROD = (0.400, 0.400, 0.7003), 0.05, 60e6
 LONG = 1.4  # m, over which shapes are spread

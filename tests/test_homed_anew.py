@@ -13,14 +13,14 @@ from pkmcal_cli.effects import catalogue
 from pkmcal_cli.report.sentences import cause_effect_action
 from tests.command import MACHINES, Done, run
 from tests.support import poses_of, truth
-from tests.unsized import UNSIZED
+
+pytestmark = pytest.mark.usefixtures("unsized")
 
 DAY, ROWS, SIGMA = 86400.0, 16, 10e-6
 ZEROS = np.array([[0, 0, 0, 0], [60, -90, 70, 50], [-80, 40, 60, -70]]) * 1e-6
 HEAD = "session,time [s],T [degC],q1 [mm],q2 [mm],q3 [mm],q4 [mm],x [mm],y [mm],z [mm]\n"
 
 
-@UNSIZED
 def diagnosed(folder: Path, sessions: int, gap: float, shifts: Callable[[int, Array], Array]) -> Done:
     """The diagnosis of sessions of half an hour each, a gap apart; `shifts`: of the drives, by session and share of
     the time of the table. What is measured comes from the independent simulator.

@@ -11,6 +11,8 @@ from tests.command import clean, run
 from tests.computed_once import run_once
 from tests.test_first_machines import ROUTER
 
+pytestmark = pytest.mark.usefixtures("unsized")
+
 ONLY = ("--only", "scale@lTL,scale@lTR")
 
 

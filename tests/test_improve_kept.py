@@ -20,6 +20,8 @@ from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.report_rows import Errors, Interval
 from tests.command import HANGPRINTER, MACHINES, SCISSORS, SHOPFLOOR, clean, run
 
+pytestmark = pytest.mark.usefixtures("unsized")
+
 BASE = f"""
 extends: {MACHINES}/triglide.yaml
 parameters:

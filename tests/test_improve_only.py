@@ -10,6 +10,8 @@ from tests.command import TRIGLIDE, clean, run
 from tests.computed_once import run_once
 from tests.truth.campaigns import Planted, campaign
 
+pytestmark = pytest.mark.usefixtures("unsized")
+
 SIMULATED = {
     "scaled": Planted("scale", "q1", {"s": 400e-6}),
     "step": Planted("odd_tanh", "q2", {"h": 60e-6}),

@@ -15,6 +15,8 @@ from pkmcal_cli.diagnosis.closed_loop import Improvement
 from pkmcal_cli.workflow import improve as workflow
 from tests.command import TRIGLIDE, clean, environment, run
 
+pytestmark = pytest.mark.usefixtures("unsized")
+
 MACHINE, VALUES = "better.yaml", "better.params.yaml"
 IMPROVE = [
     "improve", "base.yaml", "meas.csv", "--validation", "apart.csv", "--only", "backlash@q1,backlash@q2", "-o", MACHINE,

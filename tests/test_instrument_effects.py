@@ -21,7 +21,8 @@ from tests.effect_cases import case
 from tests.in_ci import in_ci
 from tests.instruments import PLANAR_INSTRUMENTS, SPATIAL_INSTRUMENTS
 from tests.support import described, model, poses_of, truth
-from tests.unsized import UNSIZED
+
+pytestmark = pytest.mark.usefixtures("unsized")
 
 TIME = np.array([0.0, 600.0, 900.0, 2400.0, 3600.0])
 U = 2 * TIME / 3600 - 1
@@ -251,7 +252,6 @@ def poses() -> str:
 
 
 @pytest.mark.parametrize("effect", in_ci(["meas_scale@encoder"], PLANTED))
-@UNSIZED
 def test_a_planted_fault_of_an_instrument_is_found(effect: str, tmp_path: Path) -> None:
     """Simulated with the declared noise; the diagnosis names it first, sizes are within four standard uncertainties."""
     machine, faulty, plan, table = (tmp_path / n for n in ("m.yaml", "f.yaml", "p.csv", "t.csv"))

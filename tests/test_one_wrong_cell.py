@@ -12,7 +12,8 @@ from pkmcal_cli.calibration import identify as identify_module
 from pkmcal_cli.workflow import calibration as calibration_module
 from tests.command import MACHINES, clean, run
 from tests.in_ci import in_ci
-from tests.unsized import UNSIZED
+
+pytestmark = pytest.mark.usefixtures("unsized")
 
 CASES = {
     "hexapod7": ("rz [rad]", lambda v: 1.5 * v),  # 23 mrad, 37 times what ranges cause
@@ -70,7 +71,6 @@ def test_a_robust_loss_does_without_it(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", in_ci(["triglide"], list(CASES)))
-@UNSIZED
 def test_a_diagnosis_names_it(name: str, tmp_path: Path) -> None:
     found = clean(run("diagnose", MACHINES / f"{name}.yaml", spoilt(name, tmp_path), "--json")).json
     assert found["verdict"] == "measurement_fault"

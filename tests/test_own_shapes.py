@@ -17,6 +17,8 @@ from tests.command import SCISSORS, run
 from tests.nameless_campaigns import planted_case
 from tests.truth.campaigns import Planted, campaign
 
+pytestmark = pytest.mark.usefixtures("unsized")
+
 HEIGHT = 50e-6
 STRAIGHT = case("single", 214)  # harmonics and a ripple, of which declared parameters absorb the lowest
 

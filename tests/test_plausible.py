@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from tests.command import MACHINES, Done, clean, run
 from tests.in_ci import in_ci
 
+pytestmark = pytest.mark.usefixtures("unsized")
+
 MACHINE, TABLE = MACHINES / "triglide-nonredundant.yaml", MACHINES / "triglide-nonredundant.csv"
 Rows = list[list[str]]
 

@@ -11,6 +11,8 @@ import yaml
 from tests.command import run
 from tests.two_slides import MACHINE, Slides
 
+pytestmark = pytest.mark.usefixtures("unsized")
+
 TRUE = Slides()
 AFTER = TRUE.repaired()
 

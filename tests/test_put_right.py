@@ -15,7 +15,8 @@ from pkmcal_cli.loading.load_machine import load_machine, load_measurements
 from tests.campaign_tables import true_values, write_table
 from tests.command import MACHINES, Done, clean, run
 from tests.in_ci import in_ci
-from tests.unsized import UNSIZED
+
+pytestmark = pytest.mark.usefixtures("unsized")
 
 TRIGLIDE = str(MACHINES / "triglide.yaml")
 Table = dict[str, np.ndarray]
@@ -42,7 +43,6 @@ MISTAKES: dict[str, tuple[Callable[[Table], Table], str]] = {
 }
 
 
-@UNSIZED
 def diagnosed(table: str) -> Done:
     return clean(run("diagnose", TRIGLIDE, table, "--json"))
 

@@ -22,6 +22,8 @@ from tests.command import MACHINES, clean, run
 from tests.hangprinter_cases import measured
 from tests.truth.campaigns import campaign, unit
 
+pytestmark = pytest.mark.usefixtures("unsized")
+
 
 def test_a_fit_settles_before_it_has_converged() -> None:
     """The hangprinter takes eight steps; after six chi-square stands still, after one it falls by far."""

@@ -29,6 +29,8 @@ from tests.support import overlay
 from tests.test_identify import noisy
 from tests.test_spoilt_tables import Csv, out_of_reach, spoilt
 
+pytestmark = pytest.mark.usefixtures("unsized")
+
 TABLE = MACHINES / "five-bar.csv"
 WRONG = 20  # the row whose drive is 192 degrees off
 ASTRAY = (-62, 94, -77, 87, 111, 116, 11, -98, 44, -80, -72)

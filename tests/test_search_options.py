@@ -22,6 +22,8 @@ from tests.benchmark.setting import ALPHA, Ready, ready
 from tests.command import MACHINES, SCISSORS, TRIGLIDE, TRIGLIDE_DATA, clean, run
 from tests.truth.campaigns import campaign, unit
 
+pytestmark = pytest.mark.usefixtures("unsized")
+
 SEED = 4
 PLAY = unit("scissors", "backlash", "q3", SEED)
 TRUE = PLAY.values["b"]

@@ -14,6 +14,8 @@ from tests.command import TRIGLIDE, Done, clean, run
 from tests.computed_once import run_once
 from tests.truth.campaigns import Campaign, Planted, campaign
 
+pytestmark = pytest.mark.usefixtures("unsized")
+
 RISE = 60e-6
 
 

@@ -12,6 +12,8 @@ from pkmcal_cli.base.rotation import Array
 from tests.command import MACHINES, Done, run
 from tests.in_ci import in_ci
 
+pytestmark = pytest.mark.usefixtures("unsized")
+
 FOUR_LEGS = """
 units: {length: mm, angle: deg, force: N}
 space: planar

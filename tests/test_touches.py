@@ -15,6 +15,8 @@ from tests.command import Done, clean, column, run
 from tests.support import truth
 from tests.touch_machines import ALONE, DELTA, FLAT, GRID, PLANTED, UM, ok, rows_of, written
 
+pytestmark = pytest.mark.usefixtures("unsized")
+
 
 def deviation(tips: Array, plane: dict[str, float]) -> Array:
     """Height (N,) of points (N, 3) above a plane."""

@@ -29,6 +29,8 @@ from tests.drawn import collisions
 from tests.nameless_campaigns import planted_case
 from tests.truth.campaigns import Campaign, Planted, Scenario, campaign
 
+pytestmark = pytest.mark.usefixtures("unsized")
+
 KNOTS = (0.0, 0.1, 0.25, 0.3)
 HEIGHT = 50e-6
 

@@ -15,6 +15,8 @@ from pkmcal_cli.loading.load_machine import load_machine, load_measurements
 from pkmcal_cli.prediction import Request, Rows, predict
 from tests.command import HANGPRINTER, HANGPRINTER_DATA, MACHINES, SCISSORS, run
 
+pytestmark = pytest.mark.usefixtures("unsized")
+
 TRIGLIDE = MACHINES / "triglide-nonredundant.yaml"
 TABLE = MACHINES / "triglide-nonredundant.csv"
 

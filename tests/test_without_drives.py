@@ -9,7 +9,8 @@ import pytest
 
 from tests.command import MACHINES, column, run
 from tests.computed_once import run_once
-from tests.unsized import UNSIZED
+
+pytestmark = pytest.mark.usefixtures("unsized")
 
 CANTILEVER = """
 units: {length: mm, angle: deg, force: N}
@@ -123,7 +124,6 @@ sensors: {dial: {at: M, reads: [x, y], sigma: 1 um, frame: machine}}
 """
 
 
-@UNSIZED
 def test_a_frame_is_diagnosed_and_improved() -> None:
     """Weights hung on a portal that its file does not know are found, at the share that acts."""
     Path("portal.yaml").write_text(PORTAL)
@@ -159,7 +159,6 @@ def test_the_share_of_a_weighed_payload_is_exact_unless_its_file_gives_a_range(e
         assert "write `m: {identify: true}` at `payload@dial` in `effects:` to identify it" in freed.err
 
 
-@UNSIZED
 def test_a_payload_and_a_soft_frame_are_told_apart() -> None:
     """A weight is weighed; so what the frame yields more is its own stiffness, and neither hides in the other."""
     Path("portal.yaml").write_text(PORTAL)

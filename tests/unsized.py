@@ -1,6 +1,6 @@
 """Diagnoses without the sizes that each effect would need to be seen, which take longer to simulate than the search.
 
-For tests of causes, which look at no such size; what a diagnosis has computed and keeps is left as it is.
+For tests of causes, which look at no such size: `pytestmark = pytest.mark.usefixtures("unsized")`.
 """
 
 from __future__ import annotations
