@@ -183,7 +183,7 @@ def test_what_is_provisional_has_its_reason(tmp_path: Path) -> None:
     """At a constant temperature growth cannot be named: all that is named is provisional."""
     still = shopfloor(tmp_path, lambda _, row: row | {"T [degC]": "20"})
     done = clean(run("diagnose", SCISSORS, still, "--json"))
-    assert done.code == 1 and all(e["provisional"] for e in done.json["effects"])
+    assert done.code == 1 and done.json["effects"] and all(e["provisional"] for e in done.json["effects"])
     assert done.err.count("Provisional: ") == len(done.json["effects"])
     assert "Log temperatures of more parts" in done.err
 
