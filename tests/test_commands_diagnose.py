@@ -179,12 +179,11 @@ def test_commands_to_go_on_with_can_be_run(monkeypatch: pytest.MonkeyPatch) -> N
     assert "MEAS.csv --aim EFFECT" in piped
 
 
-def test_what_is_provisional_has_its_reason(tmp_path: Path) -> None:
-    """At a constant temperature growth cannot be named: all that is named is provisional."""
+def test_growth_at_a_constant_temperature_has_no_name(tmp_path: Path) -> None:
     still = shopfloor(tmp_path, lambda _, row: row | {"T [degC]": "20"})
     done = clean(run("diagnose", SCISSORS, still, "--json"))
-    assert done.code == 1 and done.json["effects"] and all(e["provisional"] for e in done.json["effects"])
-    assert done.err.count("Provisional: ") == len(done.json["effects"])
+    assert (done.code, done.json["verdict"], done.json["effects"]) == (1, "unknown", [])
+    assert all(unknown["depends_on"] == "time" for unknown in done.json["unknown"])
     assert "Log temperatures of more parts" in done.err
 
 
