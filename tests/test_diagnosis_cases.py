@@ -17,7 +17,7 @@ triglide              273418 straight@rail.y*5.45
 triglide-nonredundant 826121 thermal_strut@rod2*0.795
 scissors              673475 backlash@q3*0.285
 scissors              889864 thermal_foot@left*0.0605 slow
-delta4                52945  frame@tracker*1.62
+delta4                52945  frame@tracker*1.62 slow
 triglide              684405 pitch_curve@q2*3.87 straight@rail.y*3.77 slow
 triglide              500905 pitch_curve@q1*6.11 slow
 triglide-nonredundant 5989   thermal_screw@q2*0.485 slow

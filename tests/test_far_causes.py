@@ -54,7 +54,7 @@ def test_a_length_forgotten_in_every_belt_is_named(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def search(tmp_path_factory: pytest.TempPathFactory) -> Search:
-    """The router's search before anything is found, with the length of all belts, those of two and two held parameters."""
+    """The router's search before anything is found, with lengths of belts (all and two) and two held parameters."""
     machine, table = router(tmp_path_factory.mktemp("router"), 0)
     case = prepare(CaseRequest(machine=str(machine), measurements=(str(table),)), Reporter(quiet=True))
     fit = identify(case.problem, case.selected)
