@@ -54,12 +54,13 @@ def test_a_length_forgotten_in_every_belt_is_named(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def search(tmp_path_factory: pytest.TempPathFactory) -> Search:
-    """The router's search before anything is found, with the lengths of belts and two held parameters."""
+    """The router's search before anything is found, with lengths of belts (all and two) and two held parameters."""
     machine, table = router(tmp_path_factory.mktemp("router"), 0)
     case = prepare(CaseRequest(machine=str(machine), measurements=(str(table),)), Reporter(quiet=True))
     fit = identify(case.problem, case.selected)
     zeros, held = ([h for h in case.candidates.hypotheses if h.effect == e] for e in ("zero", "release"))
-    candidates = replace(case.candidates, hypotheses=(*zeros, *held[:2]))
+    few = [*zeros[:2], *(h for h in zeros[2:] if h.name == "zero@all")]
+    candidates = replace(case.candidates, hypotheses=(*few, *held[:2]))
     return Search(candidates=candidates, problem=case.problem, declared=case.selected, fit=fit)
 
 

@@ -70,7 +70,7 @@ def test_a_robust_loss_does_without_it(name: str, tmp_path: Path) -> None:
         assert abs(robust[n]["value"] - known["value"]) < 4.0 * (known["std"] or 0.05), n
 
 
-@pytest.mark.parametrize("name", in_ci(["triglide"], list(CASES)))
+@pytest.mark.parametrize("name", in_ci(["scissors"], list(CASES)))
 def test_a_diagnosis_names_it(name: str, tmp_path: Path) -> None:
     found = clean(run("diagnose", MACHINES / f"{name}.yaml", spoilt(name, tmp_path), "--json")).json
     assert found["verdict"] == "measurement_fault"

@@ -82,8 +82,9 @@ def built(checkout: Path, how: str, target: Path) -> Path:
 
 
 def plain() -> dict[str, str]:
-    """The environment of somebody who has no checkout on the path."""
-    return {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME")}
+    """The environment of somebody who has no checkout on the path, where compiled modules stay beside their sources."""
+    gone = ("PYTHONPATH", "PYTHONHOME", "PYTHONPYCACHEPREFIX", "PYTHONDONTWRITEBYTECODE")
+    return {k: v for k, v in os.environ.items() if k not in gone}
 
 
 def installed(wheel: Path, folder: Path) -> Path:

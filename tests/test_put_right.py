@@ -16,8 +16,6 @@ from tests.campaign_tables import true_values, write_table
 from tests.command import MACHINES, Done, clean, run
 from tests.in_ci import in_ci
 
-pytestmark = pytest.mark.usefixtures("unsized")
-
 TRIGLIDE = str(MACHINES / "triglide.yaml")
 Table = dict[str, np.ndarray]
 
@@ -69,13 +67,13 @@ def test_a_mistake_is_the_verdict_and_the_rest_is_searched(mistake: str, honest:
 @pytest.mark.slow
 def test_an_effect_is_found_beside_a_mistake(tmp_path: Path) -> None:
     """The scale of q1 is off by 2 per mille, too: named with its size, and the columns besides."""
-    swapped = MISTAKES["swapped drives"][0]
+    swapped = MISTAKES["swapped readings"][0]
     done = diagnosed(spoilt(tmp_path / "t.csv", lambda t: swapped(t | {"q1": t["q1"] / 1.002}), 80))
     (effect,) = done.json["effects"]
     assert (effect["effect"], effect["at"]) == ("scale", "q1") and len(done.json["mistakes"]) == 1
     (size,) = effect["parameters"]
     assert abs(size["value"] - 2000) < 4 * size["std"] < 800, "um/m"
-    assert "; besides, `q1` and `q2` look swapped" in done.err
+    assert "; besides, `x` and `y` look swapped" in done.err
 
 
 @pytest.mark.slow

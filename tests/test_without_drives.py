@@ -130,10 +130,11 @@ def test_a_frame_is_diagnosed_and_improved() -> None:
     Path("hung.yaml").write_text("extends: portal.yaml\neffects: {payload@dial: {m: 1}}\n")
     Path("w.csv").write_text("payload [kg]\n" + "\n".join(str(k % 5) for k in range(40)) + "\n")
     assert run("simulate", "hung.yaml", "w.csv", "--noise", "declared", "--seed", "3", "-o", "t.csv").code == 0
+    assert run("simulate", "hung.yaml", "w.csv", "--noise", "declared", "--seed", "4", "-o", "apart.csv").code == 0
     diagnosed = run_once("diagnose", "portal.yaml", "t.csv", "--json")
     assert [found["effect"] for found in diagnosed.json["effects"]] == ["payload"]
     assert "as weighed" in diagnosed.err, "no size that has been found"
-    improved = run_once("improve", "portal.yaml", "t.csv", "-o", "better.yaml", "--json")
+    improved = run_once("improve", "portal.yaml", "t.csv", "--validation", "apart.csv", "-o", "better.yaml", "--json")
     assert improved.code == 0, improved.err
     again = run("calibrate", "better.yaml", "t.csv", "--holdout", "none", "--json").json
     assert "payload@dial.m" not in [p["name"] for p in again["parameters"]], "weighed in kg: all of it acts"
