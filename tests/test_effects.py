@@ -33,7 +33,7 @@ def test_at_null_every_effect_is_the_identity(name: str) -> None:
     np.testing.assert_array_equal(bare.values, predict(without, c.values, c.rows).values)
 
 
-@pytest.mark.parametrize("name", in_ci(IN_CI, [*NAMES, *WRITTEN]))
+@pytest.mark.parametrize("name", in_ci([n for n in IN_CI if n != "delta4"], [*NAMES, *WRITTEN]))
 def test_signatures_are_derivatives(name: str) -> None:
     """Central differences of the converged model, at a strained pose; a lag has one side only."""
     c = case(name)
