@@ -40,7 +40,7 @@ def test_given_directions_stay_and_gaps_are_derived() -> None:
 # --- what must not matter ------------------------------------------------------------------
 @cache
 def backlash_campaign() -> Campaign:
-    return campaign("scissors", [unit("scissors", "backlash", "q3", 9).scaled(0.4)], 9, rows=80)
+    return campaign("scissors", [unit("scissors", "backlash", "q3", 9).scaled(0.4)], 9)
 
 
 def changed(order: Array | None = None, **columns: object) -> Diagnosis:

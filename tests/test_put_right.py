@@ -68,7 +68,7 @@ def test_a_mistake_is_the_verdict_and_the_rest_is_searched(mistake: str, honest:
 def test_an_effect_is_found_beside_a_mistake(tmp_path: Path) -> None:
     """The scale of q1 is off by 2 per mille, too: named with its size, and the columns besides."""
     swapped = MISTAKES["swapped readings"][0]
-    done = diagnosed(spoilt(tmp_path / "t.csv", lambda t: swapped(t | {"q1": t["q1"] / 1.002}), 80))
+    done = diagnosed(spoilt(tmp_path / "t.csv", lambda t: swapped(t | {"q1": t["q1"] / 1.002}), 30))
     (effect,) = done.json["effects"]
     assert (effect["effect"], effect["at"]) == ("scale", "q1") and len(done.json["mistakes"]) == 1
     (size,) = effect["parameters"]
