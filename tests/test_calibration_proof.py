@@ -65,7 +65,7 @@ def test_intervals_hold_the_true_values(name: str) -> None:
     assert (found.scores**2).mean() == pytest.approx(1, abs=4 * np.sqrt(2 / 60))
 
 
-@pytest.mark.parametrize("name", in_ci(["hangprinter"], ["triglide", "biglide", "delta4", "hangprinter"]))
+@pytest.mark.parametrize("name", in_ci(["biglide"], ["triglide", "biglide", "delta4", "hangprinter"]))
 def test_chi_square_of_noise_is_one(name: str) -> None:
     """Per degree of freedom, within four standard deviations; a combination held adds a quarter of s^2, below one.
 

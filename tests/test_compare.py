@@ -205,6 +205,7 @@ def test_a_trend() -> None:
     assert abs(l4["change"] - 3e-3) < 3 * l4["std"]
 
 
+@pytest.mark.slow
 def test_a_step_is_no_trend() -> None:
     """A strut that is another one from the last file on: a line through all would name other parameters."""
     files = []

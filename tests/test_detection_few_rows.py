@@ -105,6 +105,7 @@ def share(few: Few, name: str) -> float:
         ("scissors", 20, "straight@left.x"),
     ],
 )
+@pytest.mark.slow
 def test_the_promised_size_is_detected_in_80_percent_of_campaigns(machine: str, rows: int, name: str) -> None:
     """Within three standard deviations of both counts, 10 %."""
     assert share(few(machine, rows), name) == pytest.approx(0.8, abs=0.1)

@@ -42,6 +42,7 @@ def test_noise_far_above_its_statement_is_no_effect(machine: str, factor: float)
         assert np.sqrt(found.scale.variance) == pytest.approx(factor, rel=0.15) and found.scale.doubted
 
 
+@pytest.mark.slow
 def test_noise_far_below_its_statement_does_not_hide_an_effect() -> None:
     """Sigma stated five times too large: a backlash that the stated sigma would hide is found, as sure as it is."""
     small = unit("scissors", "backlash", "q3", 4).scaled(0.1)
@@ -77,6 +78,7 @@ def test_one_bad_row_of_fifteen_is_found() -> None:
 
 
 # --- held directions, part tables ----------------------------------------------------------
+@pytest.mark.slow
 def test_rows_held_out_confirm_an_effect_beside_held_directions() -> None:
     """The delta leaves directions of its parameters undetermined; these must not take over what is held out."""
     found = diagnosed(campaign("delta4", [unit("delta4", "guide_angle", "rail3.x", 3).scaled(3)], 3), 3)

@@ -129,6 +129,7 @@ def test_the_legend_tells_every_mark() -> None:
     assert {"guide", "joint or end of a member", "drive"} <= entries and not {"base", "node"} & entries
 
 
+@pytest.mark.slow
 def test_a_telescope_is_drawn_in_one() -> None:
     """From the base to the platform, across the drive: lower beam, the way it has slid, upper beam."""
     shape = shape_of(str(MACHINES / "hexapod7.yaml"))

@@ -119,6 +119,7 @@ def test_no_scale_is_free_where_lengths_are_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("seed", in_ci(["1"], [1, 3, 6, 8]))
+@pytest.mark.slow
 def test_bench_readings_do_not_hide_an_effect(seed: int, tmp_path: Path) -> None:
     """They stand in the first row and are none of it: not held out with it, and no memory of successive rows."""
     machine, faulty = tmp_path / "tripod.yaml", tmp_path / "faulty.yaml"

@@ -119,6 +119,7 @@ def test_what_is_known_does_not_depend_on_the_datum(table: Path) -> None:
     assert chi2[0] == pytest.approx(chi2[1], abs=0.5)
 
 
+@pytest.mark.slow
 def test_the_loop_holds_the_same_and_writes_what_calibrate_finds(table: Path) -> None:
     """Each of `diagnose`, `improve` and `calibrate` of its machine; and without a datum all refuse.
 
@@ -205,6 +206,7 @@ def values(result: Mapping[str, Any]) -> dict[str, float]:
     return {p["name"]: p["value"] for p in result["parameters"]}
 
 
+@pytest.mark.slow
 def test_only_bench_measurements_that_tell_of_others_are_proposed(table: Path) -> None:
     machine = table.with_name("planned.yaml")
     machine.write_text(f"{HEAD}datum: [br1, bt1, z1]\n")
@@ -271,6 +273,7 @@ def test_a_prior_holds_what_its_calibration_held_as_datum(table: Path) -> None:
     assert abs(change + 0.53) < 3 * noise and noise < 0.1, (change, noise)
 
 
+@pytest.mark.slow
 def test_a_frame_that_is_held_though_the_instrument_was_moved(table: Path) -> None:
     """By a parameter file of the set-up before; not where it stands as it did, nor where its frame is identified."""
     calibrated(table, "br1, bt1, z1")

@@ -222,6 +222,7 @@ def _found_bow(diagnosis: dict, size: float) -> None:  # type: ignore[type-arg]
     assert abs(n2["value"] * UM - size) < 3 * n2["std"] * UM < 0.5 * abs(size)
 
 
+@pytest.mark.slow
 def test_diagnose_finds_nothing_on_the_straight_gantry() -> None:
     done = clean(run_once("diagnose", MACHINES / "gantry.yaml", MACHINES / "gantry.csv", "--json", "--quiet"))
     assert json.loads(done.out)["effects"] == []

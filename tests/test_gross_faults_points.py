@@ -48,7 +48,7 @@ def exchanged(*pairs: tuple[str, str]) -> dict[str, str]:
     return {a: b for pair in pairs for a, b in (pair, pair[::-1])}
 
 
-LONG = dict.fromkeys(("two drives", "two reflectors"), pytest.mark.slow)
+LONG = dict.fromkeys(("two drives", "two reflectors", "one coordinate of two points"), pytest.mark.slow)
 CASES = {
     "one coordinate of two points": (
         exchanged(("tracker.P1.x", "tracker.P3.x")), {}, "`tracker.P1.x` and `tracker.P3.x` look swapped",

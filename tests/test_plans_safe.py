@@ -89,6 +89,7 @@ def test_forces_stay_within_limits_at_poses_and_on_the_way(tmp_path: Path) -> No
     assert 0 < (highest > limit).sum() <= skipped[0] < 49
 
 
+@pytest.mark.slow
 def test_a_program_strains_nothing_on_its_way(tmp_path: Path) -> None:
     """Every line of the program, and half-way to the next, in the independent simulator; a list and a table say the
     same set values."""

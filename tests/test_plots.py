@@ -17,7 +17,6 @@ from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import select
-from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
 from pkmcal_cli.loading.load_machine import load_machine, load_measurements
 from pkmcal_cli.pictures.diagnosis_pictures import diagnosis_picture, diagnosis_pictures
 from pkmcal_cli.pictures.dot_list import Dot, Scale, dot_part
@@ -33,6 +32,7 @@ from pkmcal_cli.units.file_units import FileUnits
 from pkmcal_cli.units.unit_text import parse_unit
 from tests.command import MACHINES, SCISSORS, SHOPFLOOR, TRIGLIDE, TRIGLIDE_DATA, run
 from tests.drawn import collisions, collisions_of, figure_of, lines
+from tests.in_ci import in_ci
 from tests.test_pictures import shop
 
 MM = parse_unit("mm")
@@ -232,10 +232,10 @@ def test_titles_hold_what_a_page_can() -> None:
 
 
 # --- diagnoses -----------------------------------------------------------------------------
-@pytest.mark.parametrize("whole", [pytest.param(True, marks=pytest.mark.slow), False])
+@pytest.mark.slow
+@pytest.mark.parametrize("whole", [True, False])
 def test_no_text_of_a_diagnosis_lies_on_another(whole: bool) -> None:
-    found: Diagnosis = shop()
-    drawn = [diagnosis_picture(found, TITLES, UNITS)] if whole else list(diagnosis_pictures(found, TITLES, UNITS))
+    drawn = [diagnosis_picture(shop(), TITLES, UNITS)] if whole else list(diagnosis_pictures(shop(), TITLES, UNITS))
     for picture in drawn:
         assert collisions(picture) == [], picture.name
         assert len(picture.alt) > 40
@@ -258,7 +258,7 @@ COMMANDS = {
 }
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] if n == "plan" else []) for n in COMMANDS])
+@pytest.mark.parametrize("name", in_ci([n for n in COMMANDS if n not in ("plan", "compare")], COMMANDS))
 def test_every_command_draws_beside_its_result(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     line = COMMANDS[name]

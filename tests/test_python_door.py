@@ -137,6 +137,7 @@ def test_a_result_that_cannot_be_used_warns() -> None:
     assert not found.ok and found.status in ("implausible", "not_converged")
 
 
+@pytest.mark.slow
 def test_pictures_are_those_of_the_commands(found: pkmcal.Calibration, tmp_path: Path) -> None:
     """Figures with the axes of what `--plot` writes."""
     from matplotlib.figure import Figure

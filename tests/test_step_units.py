@@ -108,6 +108,7 @@ def test_sensors_in_counts(tmp_path: Path) -> None:
     assert clean(run("calibrate", machine, table, "--holdout", "none")).code == 0
 
 
+@pytest.mark.slow
 def test_steps_are_shown_by_their_name(tmp_path: Path) -> None:
     """No output shows the definition in place of the unit."""
     steps = ("q1: {moves: c1}", "q1: {moves: c1, unit: {step: 1.25 um}, limits: [0, 80000]}")

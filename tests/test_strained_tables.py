@@ -92,7 +92,7 @@ def platform(folder: Path, seed: int, turned: float) -> tuple[str, str]:
 
 @pytest.mark.parametrize(
     ("seed", "command"),
-    in_ci(["2-calibrate"], product([2, 3], ["calibrate", "diagnose", "observability"])),
+    in_ci(["2-observability"], product([2, 3], ["calibrate", "diagnose", "observability"])),
 )
 def test_platforms_on_four_legs(command: str, seed: int, tmp_path: Path) -> None:
     done = ended(command, *platform(tmp_path, seed, 8.0))

@@ -42,6 +42,7 @@ def case(told: Any, machine: str, points: int) -> Any:
     return next(c for c in told["cases"] if (c["machine"], c["points"]) == (machine, points))
 
 
+@pytest.mark.slow
 def test_nine_times_the_points_make_a_third_of_the_error(both: Any) -> None:
     """Of the tool point of the non-redundant machine, whose six parameters few points determine already."""
     few, many = (case(both, "triglide-nonredundant", n)["tool"] for n in (5, 45))
@@ -65,6 +66,7 @@ def test_ten_times_the_noise_makes_ten_times_the_error() -> None:
     assert large / small == pytest.approx(10, rel=0.02)
 
 
+@pytest.mark.slow
 def test_two_processes_and_more_repetitions_go_on_with_the_same_bits(tmp_path: Path) -> None:
     state, asked = str(tmp_path / "state.json"), (SCISSORS, "--points", "10,15", "--noise", "5 um")
     whole = results(*asked, "--repeat", "4")

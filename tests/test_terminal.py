@@ -86,6 +86,7 @@ def test_remaining_time_is_that_of_the_largest_step() -> None:
     assert words(Stage("fit", 3, inside=Stage("fold", 1, 4))) == "fold 2 of 4, fit: step 3"
 
 
+@pytest.mark.slow
 def test_steps_of_a_search_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The rotation and the step in it; how long the rest takes, once a rotation is over. No clock takes part."""
     told: list[tuple[str, str]] = []
