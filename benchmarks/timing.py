@@ -59,8 +59,8 @@ def children_time() -> float:
 
 
 def side_by_side(cases: Cases, rounds: int, clock: Callable[[], float] = time.process_time) -> Times:
-    """Run all cases once to warm up, then `rounds` times by turns."""
-    for run in cases.values():
+    """Run all cases once to warm up, then `rounds` times by turns; a single round needs no warmth."""
+    for run in cases.values() if rounds > 1 else ():
         run()
     times: dict[str, list[float]] = {name: [] for name in cases}
     for _ in range(rounds):

@@ -115,7 +115,8 @@ def test_a_calibration_that_is_implausible_is_not_clean(tmp_path: Path) -> None:
     assert "because: values many ranges off nominal: l1 (31)" in done.err
 
 
-@pytest.mark.parametrize("number", [183, pytest.param(163, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [183, 163])
 def test_parameters_that_imitate_a_cause_in_part_are_not_believed(number: int) -> None:
     """Wider ranges let declared lengths run 8 to 12 ranges off, and leave half of what is beyond the noise."""
     case = of_benchmark("single", number)

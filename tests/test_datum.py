@@ -125,6 +125,7 @@ def test_null_directions_that_move_no_base_are_no_gauge(name: str) -> None:
     assert found["gauge"] == []
 
 
+@pytest.mark.slow
 def test_heights_of_a_bed_leave_rod_and_stops_weak_and_a_calliper_ends_it(tmp_path: Path) -> None:
     """Eleven heights to 0.01 mm: 0.46 mm for the rod; measured to 0.1 mm, 0.10 mm (so do independent least squares)."""
     machine, table = MACHINES / "delta-printer.yaml", MACHINES / "delta-printer.csv"

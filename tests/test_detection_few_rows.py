@@ -100,8 +100,8 @@ def share(few: Few, name: str) -> float:
 @pytest.mark.parametrize(
     ("machine", "rows", "name"),
     [
-        pytest.param("triglide-nonredundant", 30, "straight@rail.y", marks=pytest.mark.slow),
-        pytest.param("triglide-nonredundant", 30, "guide_angle@rail.y", marks=pytest.mark.slow),
+        ("triglide-nonredundant", 30, "straight@rail.y"),
+        ("triglide-nonredundant", 30, "guide_angle@rail.y"),
         ("scissors", 20, "straight@left.x"),
     ],
 )

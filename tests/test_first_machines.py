@@ -158,6 +158,7 @@ def test_a_bench_does_not_change_the_names_of_columns(tmp_path: Path) -> None:
     assert clean(run("check", named, table)).code == 0, "a map to columns holds as it is written"
 
 
+@pytest.mark.slow
 def test_without_noise_nothing_but_the_effect_is_found(tmp_path: Path) -> None:
     machine, faulty, poses = tmp_path / "router.yaml", tmp_path / "faulty.yaml", tmp_path / "poses.csv"
     machine.write_text(ROUTER[: ROUTER.index("sensors:")].replace("  M1: [2000, 0, 0]\n", "") + "tool_point: sled\n")

@@ -207,6 +207,7 @@ def test_counts_of_a_cross_slide() -> None:
     assert (found.degrees_of_freedom, found.actuators, found.self_stress) == (2, 2, 0)
 
 
+@pytest.mark.slow
 def test_diagnose_finds_the_bow_of_the_elastic_rail() -> None:
     """The shipped table: one cause, at its place, with its size, and nothing else."""
     done = clean(run_once("diagnose", MACHINES / "gantry.yaml", MACHINES / "gantry-bow.csv", "--json", "--quiet"))

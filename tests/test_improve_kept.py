@@ -38,6 +38,7 @@ ONLY = ("--only", "frame@tracker,backlash@q1,scale@q2")
 MOVED = "extends: base.yaml\neffects: {frame@tracker: {tx: 0.3 mm, ty: 0.1 mm, rz: 0.4 mrad}}\n"
 
 
+@pytest.mark.slow
 def test_a_shift_of_the_frame_that_the_base_takes_up_is_held(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Rail and frame may both have moved along y: what the improved machine identifies is determined, and true."""
     monkeypatch.chdir(tmp_path)

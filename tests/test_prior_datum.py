@@ -73,6 +73,7 @@ def test_what_no_longer_is_datum_is_named_with_the_remedy(folder: Path) -> None:
     assert held.code == 0 and "x1" not in {p["name"] for p in held.json["parameters"]}
 
 
+@pytest.mark.slow
 def test_ranges_as_a_prior_place_no_base(folder: Path) -> None:
     """`improve` and `calibrate --prior ranges` hold the datum as `calibrate` does."""
     done = run("improve", "m.yaml", "old.csv", "-o", "improved.yaml", "--prior", "ranges")

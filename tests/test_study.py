@@ -66,7 +66,6 @@ def test_ten_times_the_noise_makes_ten_times_the_error() -> None:
     assert large / small == pytest.approx(10, rel=0.02)
 
 
-@pytest.mark.slow
 def test_two_processes_and_more_repetitions_go_on_with_the_same_bits(tmp_path: Path) -> None:
     state, asked = str(tmp_path / "state.json"), (SCISSORS, "--points", "10,15", "--noise", "5 um")
     whole = results(*asked, "--repeat", "4")

@@ -26,7 +26,6 @@ def doubts(file: Path) -> list[str]:
         return []
 
 
-@pytest.mark.slow
 def test_of_the_slips_at_least_65_are_warned_of() -> None:
     found = [slip for slip in SLIPS if set(warned(slip)) & {*DOUBTS, "value"}]
     assert len(SLIPS) >= 70 and len(found) >= 65
