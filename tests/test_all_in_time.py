@@ -64,6 +64,7 @@ def test_a_step_is_not_improved_upon(tmp_path: Path) -> None:
     assert clean(run_once("improve", TRIGLIDE, table, "--json")).json["steps"] == []
 
 
+@pytest.mark.slow
 def test_rows_out_of_order_are_judged_by_time(tmp_path: Path) -> None:
     head, *rows = moved((), step)
     first = rows[FIRST]

@@ -77,6 +77,7 @@ def test_chi_square_of_noise_is_one(name: str) -> None:
     assert least < found.chi2_per_dof < most
 
 
+@pytest.mark.slow
 def test_determined_sums_are_held_too() -> None:
     """R - r of delta4, where R and r are not determined."""
     plan, inside = by_engine(shipped("delta4")), []

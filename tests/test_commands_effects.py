@@ -101,6 +101,7 @@ def test_a_shipped_machine_is_called_by_its_name() -> None:
     assert clean(run("effects", "scissors")).out == clean(run("effects", SCISSORS)).out
 
 
+@pytest.mark.slow
 def test_most_comes_first_in_standard_uncertainties() -> None:
     """The camera of the hangprinter is known to 0.1 mm, its drive D to 1 mm of line."""
     sizes = []

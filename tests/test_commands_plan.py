@@ -112,6 +112,7 @@ def limits() -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
     return found[:, 0] - 1e-9, found[:, 1] + 1e-9
 
 
+@pytest.mark.slow
 def test_rows_stay_joined_in_the_table_to_run(tmp_path: Path) -> None:
     """The same distances are read in the order of the plan, its datum pose being one end of one of them."""
     machine, table = (str(MACHINES / f"belt-router.{end}") for end in ("yaml", "csv"))

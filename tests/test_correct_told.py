@@ -55,6 +55,7 @@ def test_what_would_have_no_effect_is_refused(arguments: tuple[str, ...], told: 
     assert done.code == 2 and told in done.err
 
 
+@pytest.mark.slow
 def test_noise_alone_leaves_nothing_unexplained(tmp_path: Path) -> None:
     """Of ten honest tables one in twenty is beyond chance; with it every later uncertainty was twice as large."""
     said = 0

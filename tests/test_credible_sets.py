@@ -42,6 +42,7 @@ def test_no_rival_is_ahead_by_its_score_alone(monkeypatch: pytest.MonkeyPatch) -
     assert len(fitted) == len(set(fitted)) <= 12
 
 
+@pytest.mark.slow
 def test_what_scores_tell_nothing_of_is_judged_by_fits(monkeypatch: pytest.MonkeyPatch) -> None:
     """An effect that is far off where the others are linear: rivals whose fits are worse do not stand in its place."""
     search = at(planted(("backlash", "q3", 1.0)), "backlash@q3")

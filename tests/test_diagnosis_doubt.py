@@ -126,6 +126,7 @@ def clear_case() -> Diagnosis:
     return diagnosed(campaign("scissors", [unit("scissors", "backlash", "q3", 4).scaled(0.4)], 4), 4)
 
 
+@pytest.mark.slow
 def test_resampled_rows_name_the_same_effect() -> None:
     (finding,) = clear_case().findings
     assert finding.hypothesis.name == "backlash@q3" and finding.stable.share >= 0.95

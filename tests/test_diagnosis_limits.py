@@ -34,6 +34,7 @@ pytestmark = pytest.mark.usefixtures("unsized")
 @pytest.mark.parametrize(
     ("factor", "machine"), in_ci(["4.0-triglide"], product([2.0, 4.0], ["triglide", "scissors"]))
 )
+@pytest.mark.slow
 def test_noise_far_above_its_statement_is_no_effect(machine: str, factor: float) -> None:
     """Nothing planted, sigma stated far too small: sigma is found out to 15 %, and nothing is named."""
     for seed in (11, 12, 13):

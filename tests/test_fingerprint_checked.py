@@ -124,6 +124,7 @@ def test_a_long_difference_is_cut() -> None:
     assert done.code == 3 and "and 994 more; " in done.err and len(done.err) < 2000
 
 
+@pytest.mark.slow
 def test_names_of_machines_are_shown_as_they_are() -> None:
     for name in ("a b: #.yaml", "\u6a5f \U0001f600.yaml", "line\u2028break.yaml", 'quo"te.yaml', "t\udcff.yaml"):
         Path(name).write_text(Path(TRIGLIDE).read_text(encoding="utf-8"))

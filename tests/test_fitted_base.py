@@ -253,6 +253,7 @@ def test_what_is_free_moves_all_rails_alike(table: Path) -> None:
     assert np.abs(shifts[3:]).max() <= 1e-4 * size
 
 
+@pytest.mark.slow
 def test_a_prior_holds_what_its_calibration_held_as_datum(table: Path) -> None:
     """After the repair of a joint, with the tracker elsewhere: what is known of the others is relative to the datum."""
     calibrated(table, "br1, bt1, z1")

@@ -34,11 +34,13 @@ def test_a_linear_drift_is_told_as_one() -> None:
     assert found(("drift", "grid", (("x1", 8e-6), ("y1", -6e-6)))) == (("drift@grid", frozenset({"x1", "y1"})),)
 
 
+@pytest.mark.slow
 def test_a_drift_that_bends_has_all_its_numbers() -> None:
     bent = (("x1", 8e-6), ("y1", -6e-6), ("x2", 7e-6), ("y2", 5e-6))
     assert found(("drift", "grid", bent)) == (("drift@grid", frozenset({"x1", "y1", "x2", "y2"})),)
 
 
+@pytest.mark.slow
 def test_higher_numbers_alone_are_found_too() -> None:
     """Parts hold all numbers up to an order: of a curve of the third, that of the second as well."""
     ((name, numbers),) = found(("pitch_curve", "q2", (("p3", 12e-6),)))

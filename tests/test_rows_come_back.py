@@ -153,6 +153,7 @@ def test_what_was_measured_once_counts_though_the_first_row_has_no_prediction(tm
     assert fit.values[loaded.model.names.index("l1")] == pytest.approx(0.30001, abs=3e-7)
 
 
+@pytest.mark.slow
 def test_held_out_rows_that_cannot_be_predicted_have_no_error() -> None:
     """Neither before nor after; how many they are is told."""
     plan, problem, _ = noisy()

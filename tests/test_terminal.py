@@ -48,6 +48,7 @@ QUIET = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_quiet_is_quiet() -> None:
     """Also on a terminal, where others show progress."""
     for arguments, (code, text) in zip(QUIET, on_terminal(100, *[(*a, "-q") for a in QUIET]), strict=True):

@@ -184,6 +184,7 @@ def test_a_grid_of_other_instruments_is_not_flattened(tmp_path: Path) -> None:
     assert "1 of 2 poses are moved to where `probe` touches" in seen.err
 
 
+@pytest.mark.slow
 def test_what_a_plan_of_touches_determines(tmp_path: Path) -> None:
     """Nine poses on a line: the uncertainties of a regression at the touched points, wherever the grid is."""
     machine = written(tmp_path, ALONE)
