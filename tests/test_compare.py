@@ -192,7 +192,6 @@ def dated(file: str, created: str) -> str:
     return file
 
 
-@pytest.mark.slow
 def test_a_trend() -> None:
     """A strut that grows by 30 um in ten days."""
     files = []

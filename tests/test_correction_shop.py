@@ -66,7 +66,7 @@ def outcome(folder: Path, seed: int, text: str, planted: Sequence[Planted]) -> O
 
 def test_two_temperatures_and_both_sides_of_approach(tmp_path: Path) -> None:
     """What is left is what noise leaves in the parameters: at most 1.2 times their stated uncertainty."""
-    found = [outcome(tmp_path, seed, DECLARED, (BACKLASH, GROWTH)) for seed in range(3)]
+    found = [outcome(tmp_path, seed, DECLARED, (BACKLASH, GROWTH)) for seed in range(6)]
     floor = np.sqrt(np.mean([rms(o.stated) ** 2 for o in found]))
     assert np.sqrt(np.mean([rms(o.error) ** 2 for o in found])) < 1.2 * floor < 0.4e-6
 

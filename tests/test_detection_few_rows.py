@@ -100,12 +100,11 @@ def share(few: Few, name: str) -> float:
 @pytest.mark.parametrize(
     ("machine", "rows", "name"),
     [
-        ("triglide-nonredundant", 30, "straight@rail.y"),
-        ("triglide-nonredundant", 30, "guide_angle@rail.y"),
+        pytest.param("triglide-nonredundant", 30, "straight@rail.y", marks=pytest.mark.slow),
+        pytest.param("triglide-nonredundant", 30, "guide_angle@rail.y", marks=pytest.mark.slow),
         ("scissors", 20, "straight@left.x"),
     ],
 )
-@pytest.mark.slow
 def test_the_promised_size_is_detected_in_80_percent_of_campaigns(machine: str, rows: int, name: str) -> None:
     """Within three standard deviations of both counts, 10 %."""
     assert share(few(machine, rows), name) == pytest.approx(0.8, abs=0.1)

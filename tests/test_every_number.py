@@ -10,7 +10,6 @@ from tests.number_sweep import Case, cases, faults, numbers, sample, source
 from tests.support import SHIPPED
 
 LONG = ("hexapod7", "gantry")
-LONGEST = "belt-router.yaml:15:15 9.4757 -> 0"  # of those in time
 FAST = ("biglide", "belt-router", "triglide")
 
 
@@ -24,15 +23,11 @@ def test_numbers_are_found_wherever_they_stand() -> None:
     assert sum(len(numbers(name)) for name in SHIPPED) > 500
 
 
-def is_slow(k: int, case: Case) -> bool:
-    return case.machine in LONG or bool(k % 2) or str(case) == LONGEST
-
-
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @pytest.mark.parametrize(
     "case",
     [
-        pytest.param(c, id=str(c), marks=[pytest.mark.slow] if is_slow(k, c) else [])
+        pytest.param(c, id=str(c), marks=[pytest.mark.slow] if c.machine in LONG or k % 2 else [])
         for k, c in enumerate(sample(60))
     ],
 )

@@ -144,7 +144,6 @@ def test_forgotten_lengths_are_named_in_all_campaigns(upper: float, tmp_path: Pa
     ],
     ids=["a drive that drifts by 1 mm", "gross rows"],
 )
-@pytest.mark.slow
 def test_what_drifts_or_is_gross_is_not_far_off(
     machine: str, planted: list[Planted], scenario: Scenario, rows: int
 ) -> None:

@@ -42,7 +42,6 @@ def test_limits_are_held_against_what_the_result_says() -> None:
     assert re.findall(r"^(\S+?)(?::\d+:\d+)?: error\[above\]", told, re.MULTILINE) == [PLAIN_DATA] * 3 + [TRIGLIDE]
 
 
-@pytest.mark.slow
 def test_the_change_is_that_of_the_tool_point_at_the_same_set_values(tmp_path: Path) -> None:
     """Against tables simulated with the parameters before and after."""
     files = {name: tmp_path / f"{name}.csv" for name in ("before", "after")}

@@ -88,7 +88,6 @@ def test_wrong_groups_are_told_where_they_stand(groups: str, told: tuple[str, ..
     assert done.code == 1 and f"{file}:2:" in done.err and all(words in done.err for words in told), done.err
 
 
-@pytest.mark.slow
 def test_an_effect_with_values_of_its_own_at_every_drive_is_one_cause() -> None:
     """Four drives with play of different sizes."""
     planted = [Planted("backlash", q, {"b": b}) for q, b in PLAYS.items()]

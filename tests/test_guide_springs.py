@@ -165,7 +165,6 @@ def campaign(folder: Path, entry: str) -> tuple[Path, Path]:
         pytest.param("guide_angle@rail.y: {g: 600 urad}", marks=pytest.mark.slow),
     ],
 )
-@pytest.mark.slow
 def test_a_diagnosis_names_what_is_wrong_with_the_guide(tmp_path: Path, entry: str) -> None:
     """With a guide of springs as with an ideal one; it was told that no effect of the catalogue explains it."""
     done = clean(run("diagnose", *campaign(tmp_path, entry), "--json"))

@@ -44,7 +44,6 @@ def test_a_stated_uncertainty_takes_as_few_points_as_reach_it(tmp_path: Path) ->
     assert enough.json["points"] == [] and "no further point" in enough.err
 
 
-@pytest.mark.slow
 def test_approaches_are_moves_of_the_tool_point_where_drives_move_together(tmp_path: Path) -> None:
     """Four carriages of the Scissors for two freedoms, by the independent simulator: nothing is strained where an
     approach begins, and hardly on the way; the sides are those of the way.

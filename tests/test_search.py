@@ -153,7 +153,6 @@ def test_a_displacement_without_a_name_that_leaves_effects_does_not_stand_for_al
     assert names([f.hypothesis for f in d.findings]) == {x.name for x in case.drawn} and not d.unknown
 
 
-@pytest.mark.slow
 def test_what_cannot_be_decided_is_followed_both_ways(monkeypatch: pytest.MonkeyPatch) -> None:
     """The end with most evidence is the search's, whichever way was seen first."""
     case = planted(("backlash", "q3", 1.0))

@@ -129,7 +129,6 @@ def test_steps_are_shown_by_their_name(tmp_path: Path) -> None:
     assert "exceeds its limits (0 step to 80000 step)" in run("simulate", machine, *grid).err
 
 
-@pytest.mark.slow
 def test_steps_in_headers_repetitions_and_pictures(tmp_path: Path) -> None:
     """A column of the machine file that names its unit, a unit behind a low line, scatter, an effect over the drive."""
     wire = "wire: {kind: distance, at: tcp, to: hook, unit: {pulse: 10 um}, sigma: 1 pulse}"

@@ -53,7 +53,6 @@ def test_nor_of_a_missing_file_or_an_option(tmp_path: Path) -> None:
     assert "\\n" in run("check", "no\nerror[x]: y.yaml").err.splitlines()[0]
 
 
-@pytest.mark.slow
 def test_a_table_on_a_terminal_is_escaped_and_in_a_file_is_not(tmp_path: Path) -> None:
     poses = tmp_path / "poses.csv"
     poses.write_text("id,x [mm],y [mm]\na\x1b[2Jb,400,300\n", encoding="utf-8")
