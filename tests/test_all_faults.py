@@ -14,19 +14,24 @@ WRONG = "parameters: {l1: {range: -3 mm}}\n"
 
 @pytest.fixture
 def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A machine with a wrong range, and a table with two wrong cells, of which one is the first of its column."""
+    """A machine with a wrong range, and a table with two wrong cells, of which one is the first of its column, and
+    remarks in a column with brackets."""
     monkeypatch.chdir(tmp_path)
     Path("m.yaml").write_text(f"extends: {MACHINES}/triglide-nonredundant.yaml\n{WRONG}", encoding="utf-8")
     table = (MACHINES / "triglide-nonredundant.csv").read_text(encoding="utf-8")
     head, *rows = [line.split(",") for line in table.splitlines() if not line.startswith("#")][:12]
     rows[0][1], rows[4][1] = "1d3", "O.5"
-    Path("t.csv").write_text("\n".join(map(",".join, [head, *rows])) + "\n", encoding="utf-8")
+    table = [[*head, "remark [who]"], *([*row, "good"] for row in rows)]
+    Path("t.csv").write_text("\n".join(map(",".join, table)) + "\n", encoding="utf-8")
 
 
 @pytest.mark.usefixtures("files")
-@pytest.mark.parametrize("command", ["check", "calibrate", "diagnose", "improve"])
+@pytest.mark.parametrize(
+    "command", ["check", "calibrate", "diagnose", "improve", "report", "compare m.yaml", "plan --next --budget 40"]
+)
 def test_faults_of_the_machine_and_of_the_table_are_told_together(command: str) -> None:
-    done = run(command, "m.yaml", "t.csv")
+    name, *more = command.split()
+    done = run(name, *more, "m.yaml", "t.csv")
     assert done.code == (1 if command == "check" else 3)
     assert all(fault in done.err for fault in (RANGE, NUMBER.format(2), NUMBER.format(6)))
     assert done.err.count("error[") == 3

@@ -32,6 +32,7 @@ from pkmcal_cli.csv_files.dialect import (
     split_line,
 )
 from pkmcal_cli.csv_files.origin import origin_note
+from pkmcal_cli.units.file_units import UnitError, parse_unit
 
 TEXT_COLUMNS = ("id", "session", "tool", "part", "to")
 """Names of the columns that hold text in every measurement table."""
@@ -161,19 +162,27 @@ def check_header(reader: TableReader, log: FaultLog, names: Sequence[str | None]
 
 
 def check_cells(source: Path | str) -> None:
-    """Read a table of which nobody knows what it is about: columns with a unit or a number at first hold numbers.
+    """Read a table of which nobody knows what it is about: columns with a unit, or a number at first, hold numbers.
 
     Raises BadInput with all faults of form and cells.
     """
     with open_table(source) as reader:
         log, decimal = FaultLog(reader.name), reader.format.decimal
         plain = [
-            cell.name not in TEXT_COLUMNS and (bool(cell.unit) or is_number(reader.first_cell(i), decimal))
+            cell.name not in TEXT_COLUMNS and (_has_unit(cell) or is_number(reader.first_cell(i), decimal))
             for i, cell in enumerate(reader.header)
         ]
         for _ in reader.chunks(ColumnRules(tuple("number" if p else "skip" for p in plain)), log):
             pass
         log.raise_if_any()
+
+
+def _has_unit(cell: HeaderCell) -> bool:
+    """Whether what stands in brackets is a unit, not a remark."""
+    try:
+        return cell.unit is not None and bool(parse_unit(cell.unit))
+    except UnitError:
+        return False
 
 
 def no_rows(reader: TableReader) -> Flaw:

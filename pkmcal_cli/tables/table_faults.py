@@ -11,27 +11,19 @@ from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.tables.measurements import read_measurements
 
 
-def with_tables(error: BadInput, machine: str, tables: Sequence[str]) -> BadInput:
-    """The faults of a machine file and those of its tables."""
-    faults, total = list(error.faults), error.total
-    for also in _of_tables(machine, tables):
-        faults, total = [*faults, *also.faults], total + also.total
-    return BadInput(faults, total)
-
-
-def _of_tables(path: str, tables: Sequence[str]) -> list[BadInput]:
-    """By the columns of the machine where it could be read, else of their form."""
+def with_tables(error: BadInput, path: str, tables: Sequence[str]) -> BadInput:
+    """The faults of a machine file and those of its tables: by its columns where it could be read, else of form."""
     try:
-        machine = read_machine(path) if tables and not is_stream(path) else None
+        machine = None if is_stream(path) else read_machine(path)
     except BadInput:
         machine = None
-    errors: list[BadInput] = []
+    errors = [error]
     for table in tables:
         try:
             if machine is not None and machine.sensors:
                 read_measurements([table], machine)
             else:
                 check_cells(table)
-        except BadInput as error:
-            errors.append(error)
-    return errors
+        except BadInput as also:
+            errors.append(also)
+    return BadInput([fault for each in errors for fault in each.faults], sum(each.total for each in errors))

@@ -81,7 +81,7 @@ class MachineComparison:
 
 def compare_machines(first: str, second: str, tables: tuple[str, ...], to: Reporter) -> MachineComparison:
     """Calibrate both on parts of the table, and predict the rest. Raises BadInput."""
-    loaded = [load_machine(m) for m in (first, second)]
+    loaded = [load_machine(m, tables=tables) for m in (first, second)]
     measured = [load_measurements(m, tables) for m in loaded]
     problems = [problem_of(m.model, t) for m, t in zip(loaded, measured, strict=True)]
     problems = [with_unknown_sides(p, [x.name for x in p.model.parameters if x.identify]) for p in problems]

@@ -137,7 +137,7 @@ def next_points(
     machine: str, table: str, parameters: str | None, select: str, aim: str | None, budget: int, seed: int, to: Reporter
 ) -> NextPoints:
     """The points to measure next. Raises PkmcalError."""
-    loaded = load_machine(machine, receptive=True)
+    loaded = load_machine(machine, receptive=True, tables=[table])
     measured = load_measurements(loaded, [table])
     to.notes(measured.notes)
     loaded = loaded.for_sessions(measured.sessions)

@@ -93,7 +93,8 @@ def prepare(
     """Read the files and gather the hypotheses; the table needs some rows. Raises PkmcalError."""
     loss = request.checked_loss()
     one_stdin(request.machine, *request.measurements, request.parameters)
-    loaded = load_machine(request.machine, True, request.measurements) if machine is None else machine
+    tables = request.measurements
+    loaded = load_machine(request.machine, receptive=True, tables=tables) if machine is None else machine
     selection(loaded.model, request.select)
     case = _case(request, loaded, load_measurements(loaded, request.measurements), loss, fewest)
     mistakes = _hints(case, to)
