@@ -47,3 +47,12 @@ def test_a_machine_that_cannot_be_opened_is_the_only_fault() -> None:
 def test_a_table_that_cannot_be_opened_is_told_beside_the_machine() -> None:
     done = run("calibrate", "m.yaml", "nowhere.csv")
     assert done.code == 3 and RANGE in done.err and "nowhere.csv:1: error[file]" in done.err
+
+
+def test_a_row_with_other_separators_is_told_by_them(tmp_path: Path) -> None:
+    table = tmp_path / "t.csv"
+    head, *rows = [line for line in (MACHINES / "scissors.csv").read_text().splitlines() if line[:1] != "#"][:6]
+    for line, mark, name in ((rows[2], ";", "semicolon"), (rows[3], "\t", "tab")):
+        table.write_text("\n".join([head, *rows]).replace(line, line.replace(",", mark, 2)) + "\n", encoding="utf-8")
+        done = run("check", MACHINES / "scissors.yaml", table)
+        assert "error[csv-width]" in done.err and f"help: write a comma between cells, not a {name}" in done.err

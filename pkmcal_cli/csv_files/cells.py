@@ -9,7 +9,7 @@ from itertools import pairwise
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.csv_files.cell_remedies import COMMENTS, LEAVE_EMPTY, remedy
-from pkmcal_cli.csv_files.dialect import SPACE, Flaw, Format, is_number
+from pkmcal_cli.csv_files.dialect import SEPARATOR_NAMES, SEPARATORS, SPACE, Flaw, Format, is_number
 
 Convert = Callable[[str], float]
 """From the text of a cell to its value; raises ValueError for a text that is no value."""
@@ -113,6 +113,9 @@ def width_flaw(cells: Sequence[str], form: Format, line: int) -> Flaw:
         return Flaw("csv-width", _width(cells, names), COMMENTS, line, commented)
     message = _width(cells, names)
     if more < 0:
+        if (other := _other_separator(cells, form, -more)) is not None:
+            hint = f"write a {SEPARATOR_NAMES[form.separator]} between cells, not a {SEPARATOR_NAMES[other]}"
+            return Flaw("csv-width", message, hint, line)
         after = " and the columns after it" if more < -1 else ""
         hint = f"add a cell for `{names[more]}`{after}; an empty cell still needs its separator"
         return Flaw("csv-width", message, hint, line)
@@ -132,6 +135,12 @@ def width_flaw(cells: Sequence[str], form: Format, line: int) -> Flaw:
 def _split_by_comma(whole: str, rest: str) -> bool:
     """Whether two cells may be one number that a decimal comma splits; three digits behind it may be thousands."""
     return bool(re.fullmatch(r"[+-]?[0-9]+", whole) and re.fullmatch(r"(?![0-9]{3}(?![0-9]))[0-9]+[^0-9.]*", rest))
+
+
+def _other_separator(cells: Sequence[str], form: Format, lacking: int) -> str | None:
+    """What stands within cells as often as there are cells too few, though it separates none in this table."""
+    marks = [mark for mark in SEPARATORS if mark not in (form.separator, form.decimal, SPACE)]
+    return next((mark for mark in marks if sum(cell.count(mark) for cell in cells) == lacking), None)
 
 
 def _width(cells: Sequence[str], names: Sequence[str]) -> str:
