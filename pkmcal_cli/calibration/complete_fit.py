@@ -16,7 +16,7 @@ from pkmcal_cli.base.workers import Workers
 from pkmcal_cli.calibration.bootstrap import bootstrap_intervals
 from pkmcal_cli.calibration.datum import Datum
 from pkmcal_cli.calibration.error_budget import ErrorBudget, error_budget, held_parameters
-from pkmcal_cli.calibration.estimated_ranges import with_estimated_ranges
+from pkmcal_cli.calibration.estimated_ranges import far_from_held, with_estimated_ranges
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import NOTHING, STEPS, identify
 from pkmcal_cli.calibration.intervals import (
@@ -134,8 +134,7 @@ def _with_ranges(robust: RobustFit, start: Array, held: tuple[str, ...]) -> tupl
     budget = error_budget(robust.problem, robust.fit, held, noise=noise)
     fit = robust.fit.with_spread(budget.spread)
     if fit.status in ("converged", NOTHING):  # it may be the ranges that leave nothing to identify
-        factors = budget.scales.typical[: len(fit.selected)] / np.sqrt(budget.spread)
-        problem, fit = with_estimated_ranges(robust.problem, fit, start, factors)
+        problem, fit = with_estimated_ranges(robust.problem, fit, start, budget.factors)
         if problem is not robust.problem:
             prior = replace(robust.problem, prior=problem.prior)
             budget = error_budget(prior, fit, held, scales=budget.scales)
@@ -144,12 +143,22 @@ def _with_ranges(robust: RobustFit, start: Array, held: tuple[str, ...]) -> tupl
 
 
 def refit(
-    options: FitOptions, problem: Problem, selected: tuple[str, ...], start: Array, states: WarmStart | None = None
+    options: FitOptions,
+    problem: Problem,
+    selected: tuple[str, ...],
+    start: Array,
+    states: WarmStart | None = None,
+    factors: Array | None = None,
 ) -> Fit:
-    """The same fit of other rows, from one start; `states`: near those there. Raises RowsFailed."""
+    """The same fit of other rows, from one start; `states`: near those there. Raises RowsFailed.
+
+    factors (p,): of the ranges, by more rows; where with these nothing is nearly held, ranges need not be weighed anew.
+    """
     problem = with_prior(problem, selected, options.prior)
     first = identify(problem, selected, start, states=states)
-    robust, _ = _with_ranges(_with_loss(problem.without(first.failed), first, options), start, ())
+    robust = _with_loss(problem.without(first.failed), first, options)
+    if factors is None or not far_from_held(robust.problem, robust.fit, factors):
+        robust, _ = _with_ranges(robust, start, ())
     return robust.fit
 
 

@@ -88,6 +88,11 @@ class ErrorBudget:
         before = float((np.diag(self.data.sum(axis=0)) / half2).sum())
         return float((np.diag(self.noise_covariance) / half2).sum()) / before if before > 0 else 1.0
 
+    @property
+    def factors(self) -> Array:
+        """By what the stated ranges (p,) of what was identified are multiplied, where noise is as stated."""
+        return np.asarray(self.scales.typical[: len(self.names)] / np.sqrt(self.spread))
+
     @cached_property
     def share_of_ranges(self) -> Array:
         """Share (p,) of the variance by noise and ranges that ranges make."""

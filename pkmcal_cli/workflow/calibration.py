@@ -205,7 +205,7 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
         fit = robust_fit.robust.fit
         s = replace(s, problem=s.problem.without(fit.failed))
         if s.apart is None:
-            held = held_out(s.problem, s.measured, fit, s.request.holdout, s.request.fit_options, observe)
+            held = held_out(s.problem, s.measured, robust_fit, s.request.holdout, s.request.fit_options, observe)
         else:
             held = validated(s.loaded, s.problem, fit, s.apart)
     doubts = noise_doubts(s.problem, fit, s.measured, to)

@@ -10,7 +10,7 @@ from pkmcal_cli.base.errors import UsageError, did_you_mean
 from pkmcal_cli.base.files import AtHand, is_stream
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.stages import Observer
-from pkmcal_cli.calibration.complete_fit import FitOptions, refit
+from pkmcal_cli.calibration.complete_fit import Calibration, FitOptions, refit
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.holdout import HeldOut, cross_validate, enough_values, fold_labels, validate
 from pkmcal_cli.calibration.identify import RowsFailed
@@ -29,9 +29,15 @@ _DIGITS = 9
 
 
 def held_out(
-    problem: Problem, measured: Measurements, fit: Fit, scheme: str | None, options: FitOptions, observe: Observer
+    problem: Problem,
+    measured: Measurements,
+    calibration: Calibration,
+    scheme: str | None,
+    options: FitOptions,
+    observe: Observer,
 ) -> HeldOut | str:
     """Figures on rows of the table itself, or why there are none. Raises UsageError."""
+    fit = calibration.robust.fit
     if scheme == "none":
         return "not requested"
     if fit.status != "converged":
@@ -47,7 +53,8 @@ def held_out(
         if scheme is None:
             return str(error)
         raise UsageError(f"--holdout {scheme}: {error}") from None
-    return cross_validate(problem, fit, labels, words, partial(refit, options), observe)
+    again = partial(refit, options, factors=calibration.budget.factors)
+    return cross_validate(problem, fit, labels, words, again, observe)
 
 
 def validated(loaded: LoadedMachine, problem: Problem, fit: Fit, other: Measurements) -> HeldOut | str:
