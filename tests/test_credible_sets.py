@@ -12,6 +12,7 @@ from pkmcal_cli.diagnosis.refine import credible_set, final_evidence, set_of
 from pkmcal_cli.diagnosis.scoring import score_without
 from pkmcal_cli.diagnosis.stability import stability
 from pkmcal_cli.report.diagnosis import DiagnosisReport
+from tests.benchmark.cases import case
 from tests.benchmark.setting import diagnosed, machine
 from tests.test_search import SEED, at, planted
 from tests.truth.campaigns import Scenario, campaign, unit
@@ -36,10 +37,18 @@ def test_no_rival_is_ahead_by_its_score_alone(monkeypatch: pytest.MonkeyPatch) -
         fitted.append(arguments[-1])
         return -1000.0
 
-    monkeypatch.setattr(refine, "_fitted_evidence", worse)
+    monkeypatch.setattr(refine, "_fitted_gain", worse)
     evidence = final_evidence(search, accepted, without)
     assert ahead > refine.RIVALS and int(np.argmax(evidence)) == 0
     assert len(fitted) == len(set(fitted)) <= 12
+
+
+def test_a_shape_counts_in_fits_as_in_scores() -> None:
+    """A scale with a ripple, beside a turn of the carriage that acts alike and has one number more: both are named."""
+    scale = case("single", 372)
+    (finding,) = diagnosed(scale.measured(), scale.seed).findings
+    assert {r.hypothesis.name for r in finding.rivals} == {"scale@q2", "carriage_angle@c2.rz"}
+    assert scale.drawn[0].cosine > 0.9999, "no data tell them apart"
 
 
 @pytest.mark.slow
@@ -62,8 +71,8 @@ def test_what_scores_tell_nothing_of_is_judged_by_fits(monkeypatch: pytest.Monke
 
 def test_resamples_count_sizes_beyond_ranges_as_all_rows_do() -> None:
     """What has little evidence although it explains most, because its size is improbable, has little in resamples."""
-    case = planted(("backlash", "q3", 1.0))
-    search = at(case)
+    backlash = planted(("backlash", "q3", 1.0))
+    search = at(backlash)
     without = score_without(search, [], search.open)
     order = [int(k) for k in np.argsort(-without.log_bayes)]
     best = order[0]
@@ -71,7 +80,7 @@ def test_resamples_count_sizes_beyond_ranges_as_all_rows_do() -> None:
     priced = without.log_bayes.copy()
     priced[best] = priced[second] - 20.0
     rival = without.hypotheses[second]
-    resampled = stability(replace(without, log_bayes=priced), priced, case.problem, rival, [], 0)
+    resampled = stability(replace(without, log_bayes=priced), priced, backlash.problem, rival, [], 0)
     assert dict(resampled.others).get(without.hypotheses[best], 0.0) < 0.2
 
 

@@ -121,7 +121,8 @@ def final_evidence(search: Search, hypothesis: Hypothesis, scores: Scored) -> Ar
     With what they gain by shapes of their own; where scores and fits disagree, fits decide: of the best, and of all
     that are ahead of the accepted one. Of one so far off that scores tell nothing of it, fits alone tell.
     """
-    evidence = scores.log_bayes + shape_gains(search, scores) + preferences(scores)
+    shape = shape_gains(search, scores)
+    evidence = scores.log_bayes + shape + preferences(scores)
     best, seen = ranked(evidence)[:RIVALS].tolist(), {0}
     if best[0] == 0:
         return evidence
@@ -132,7 +133,8 @@ def final_evidence(search: Search, hypothesis: Hypothesis, scores: Scored) -> Ar
         ahead = [k for k in (*best, *better[ranked(evidence[better])].tolist()) if k not in seen]
         if not ahead:
             return evidence
-        evidence[ahead[0]] = _fitted_evidence(search, hypothesis, scores, evidence, ahead[0])
+        by_fit = evidence[0] + _fitted_gain(search, hypothesis, scores, shape, ahead[0])
+        evidence[ahead[0]] = min(evidence[ahead[0]], by_fit)
         seen.add(ahead[0])
     unseen = [k for k in range(len(evidence)) if k not in seen]
     evidence[unseen] = np.minimum(evidence[unseen], evidence[0])
@@ -210,9 +212,10 @@ def _needless_groups(hypotheses: Sequence[Hypothesis], evidence: Array) -> NDArr
     return needless
 
 
-def _fitted_evidence(search: Search, hypothesis: Hypothesis, scores: Scored, evidence: Array, k: int) -> float:
-    """Evidence of rival k from a fit with it, against that of the accepted effect (0); at most what its score says."""
+def _fitted_gain(search: Search, hypothesis: Hypothesis, scores: Scored, shape: Array, k: int) -> float:
+    """By how much more log evidence rival k has than the accepted effect (0), by a fit with it; 0 where there is none.
+
+    shape (H,): what each gains by a shape of its own.
+    """
     after = replaced(search, hypothesis, scores, k)
-    if after is None:
-        return min(float(evidence[k]), float(evidence[0]))
-    return min(float(evidence[k]), float(evidence[0]) + gain(search, after, scores, k))
+    return 0.0 if after is None else gain(search, after, scores, k) + float(shape[k] - shape[0])
