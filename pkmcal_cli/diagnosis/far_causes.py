@@ -92,7 +92,8 @@ def _held_explain(search: Search) -> bool:
         return False
     chosen = {*search.selected, *held}
     try:
-        fit = identify(search.problem, tuple(n for n in model.names if n in chosen), search.start, _STEPS)
+        names = tuple(n for n in model.names if n in chosen)
+        fit = identify(search.problem, names, search.start, _STEPS, states=search.fit.before.start)
     except (RowsFailed, np.linalg.LinAlgError):
         return False
     index = [model.names.index(n) for n in held]

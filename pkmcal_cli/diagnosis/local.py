@@ -9,6 +9,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import linearise_at
 from pkmcal_cli.diagnosis.unknown import Unknown
+from pkmcal_cli.prediction import WarmStart
 
 _WIDTHS = (0.04, 0.08)  # of a drive's travel in the table
 _FEWEST = 5  # rows in a window
@@ -16,13 +17,13 @@ _SPARED = 2  # of them the largest, which do not count, or bad rows that happen 
 _CUT = 20.0  # squares count up to so many times the typical one
 
 
-def local_effects(problem: Problem, values: Array, alpha: float) -> list[Unknown]:
+def local_effects(problem: Problem, values: Array, alpha: float, states: WarmStart | None = None) -> list[Unknown]:
     """Where residuals at parameter values (P,) are large in a short stretch of a drive against all others.
 
-    `problem` has all rows that were measured, also those taken for bad.
+    `problem` has all rows that were measured, also those taken for bad; `states`: near those there.
     """
     channels = problem.readings.shape[1]
-    white = linearise_at(problem, values, (), None).values[0].reshape(-1, channels)
+    white = linearise_at(problem, values, (), states).values[0].reshape(-1, channels)
     squares = (white**2).sum(axis=1)
     local = []
     drives = zip(problem.model.actuators, problem.rows.readings.T, strict=True)

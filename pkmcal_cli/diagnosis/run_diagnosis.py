@@ -215,7 +215,7 @@ def _begun(candidates: Candidates, problem: Problem, selected: tuple[str, ...], 
     options.observe(Stage("calibration"))
     candidates, before = calibrated(candidates, problem, selected, options)
     problem = problem.without(before.failed)
-    model = fixed_smoothing(problem.model, before.values, problem.rows)
+    model = fixed_smoothing(problem.model, before.values, problem.rows, before.after.start)
     problem, candidates = replace(problem, model=model), replace(candidates, model=model)
     every = Search(
         candidates=candidates,
@@ -276,7 +276,7 @@ def _unexplained_rest(search: Search, parts: Alpha) -> _Left:
         unknown = [as_unknown(alone), *_unknown(search, beside(last, search.problem, alone), parts)]
     growth = noise_growth(last.linear, search.problem, last.scale, least)
     every = weighted(with_rows(search.problem, list(search.bad_rows)), growth)  # else its far end is a local effect
-    unknown += local_effects(every, search.fit.values, least)
+    unknown += local_effects(every, search.fit.values, least, search.fit.after.start)
     return last, tuple(unknown + unmodelled_alternatives(search, last, alone) + refuted_causes(search, last)), growth
 
 

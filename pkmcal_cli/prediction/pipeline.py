@@ -132,16 +132,16 @@ def _earlier_pass(
     return joined_reactions(parts)
 
 
-def fixed_smoothing(model: Model, values: Array, rows: Rows) -> Model:
+def fixed_smoothing(model: Model, values: Array, rows: Rows, start: WarmStart | None = None) -> Model:
     """State the force over which signs are smoothed for every reactive effect of a model that leaves it open.
 
-    A tenth of the root mean square force at its place, at parameter values (P,).
+    A tenth of the root mean square force at its place, at parameter values (P,); `start`: states near those there.
     """
     some = [e for e in model.effects if e.effect.reactive and "smooth" not in e.options and _smooths(e)]
     if not some:
         return model
     base = BaseCoefficients.of(model, values, rows)
-    earlier = _earlier_pass(model, base, rows, some, None, displacements(model, values, rows, (), None))
+    earlier = _earlier_pass(model, base, rows, some, None, displacements(model, values, rows, (), None), start)
     size = dict(zip(earlier.places, np.sqrt(np.nanmean(earlier.values**2, axis=0)), strict=True))
     fixed = {e.name: max(_SMOOTHED * max(float(size[s.place]) for s in e.sites), _LEAST_FORCE) for e in some}
     effects = tuple(
