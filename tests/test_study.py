@@ -181,3 +181,13 @@ def test_campaigns_of_a_plan_go_on_too(tmp_path: Path) -> None:
     State(str(state), kept["asked"], kept["results"] | {"0": "lost"}).write()
     assert run(*asked, "--state", state).json["power"][0]["lost"] == 1
     assert run("plan", SCISSORS, "--jobs", "2").code == 2
+
+
+def test_an_instrument_that_stands_anywhere_leaves_no_more(tmp_path: Path) -> None:
+    """Metres away and turned, found as `calibrate` finds it; where it stands is no error of the machine."""
+    free = tmp_path / "free.yaml"
+    free.write_text(f"extends: {PLAIN}\nsensors: {{tracker: {{frame: fitted}}}}\n", encoding="utf-8")
+    told = results(PLAIN, str(free), *BOX, "--points", "40", "--repeat", "6")
+    aligned, anywhere = told["cases"]
+    assert anywhere["n_failed"] == 0 and [k["kind"] for k in anywhere["kinds"]] == ["length"]
+    assert anywhere["kinds"][0]["mean"] < 3 * aligned["kinds"][0]["mean"]

@@ -15,6 +15,8 @@ import numpy as np
 from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.stages import Observer, unobserved
+from pkmcal_cli.calibration.fitted_frames import frame_parameters
+from pkmcal_cli.calibration.frame_start import with_frames
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem, design_problem, usable
 from pkmcal_cli.loading.covariates import at_rest
@@ -137,7 +139,7 @@ def _are_errors(errors: Any, size: int) -> bool:
 def _once(machine: StudiedMachine, readings: Array, drawn: dict[str, float], normal: Array) -> Outcome:
     """One calibration by the first points, as many as there is noise for, judged at the others."""
     true, count = machine.true_values(drawn), len(normal)
-    problem = _measured(machine.problem(readings[:count]), true, normal)
+    problem = _placed(_measured(machine.problem(readings[:count]), true, normal), machine.selected)
     try:
         fit = identify(problem, machine.selected)
     except (RowsFailed, np.linalg.LinAlgError):
@@ -155,6 +157,14 @@ def _measured(problem: Problem, true: Array, normal: Array) -> Problem:
     noise = (np.linalg.cholesky(problem.noise) @ normal[:, :channels, None])[..., 0]
     readings = prediction.values + np.where(problem.measured, noise, 0.0)
     return usable(replace(problem, readings=readings, measured=problem.measured & np.isfinite(readings)))
+
+
+def _placed(problem: Problem, selected: tuple[str, ...]) -> Problem:
+    """The problem with instruments whose frames are identified roughly where the readings put them, as `calibrate`."""
+    if frame_parameters(problem.model).isdisjoint(selected):
+        return problem  # what is held is as it is drawn: nominal
+    readings = np.where(problem.measured, problem.readings, np.nan)
+    return replace(problem, model=with_frames(problem.model, problem.rows, readings))
 
 
 def _tool_distance(model: Model, true: Array, identified: Array, rows: Rows) -> float:

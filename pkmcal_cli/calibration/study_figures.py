@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.fitted_frames import frame_parameters
 from pkmcal_cli.calibration.study import Outcome, Study
 from pkmcal_cli.units.unit_text import parse_unit
 
@@ -57,10 +58,12 @@ class Difference:
 
 
 def kinds_of(study: Study, machine: int) -> dict[str, list[int]]:
-    """Numbers of a machine's selected parameters, by their dimension."""
+    """Numbers of a machine's selected parameters, by their dimension; not of where instruments stand."""
     m, out = study.machines[machine], dict[str, list[int]]()
+    frames = frame_parameters(m.model)
     for k, parameter in enumerate(m.index):
-        out.setdefault(parse_unit(m.model.parameters[parameter].unit or "1").dimension.name, []).append(k)
+        if m.model.names[parameter] not in frames:
+            out.setdefault(parse_unit(m.model.parameters[parameter].unit or "1").dimension.name, []).append(k)
     return out
 
 

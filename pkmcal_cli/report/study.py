@@ -58,7 +58,7 @@ class StudyReport:
         for text in self._compared():
             to.say(text)
         to.say()
-        kinds = list(self.units)
+        kinds = [kind for kind in self.units if any(kind in c.kinds for c in self.cases)]
         heads = ["machine", "points", *(f"{kind} parameters" for kind in kinds)]
         common = [kind for kind in kinds if any(kind in c.common for c in self.cases)]
         heads += [f"{kind}, common" for kind in common]
