@@ -87,10 +87,15 @@ def test_they_neither_bend_a_fit_nor_contradict_it(sessions: tuple[str, str, str
     assert abs(b["value"] - 200) < 3 * b["std"] < 30
     assert re.search(r"note: .*t1\.csv:2.*: from which side q2 came is unknown", fitted.err)
     assert "state `dir.q2`" in fitted.err
+    assert fitted.json["after"]["position"]["max"] < 0.05, "mm; the first row is off by half of 0.2 mm"
+    assert "unexplained" not in params.read_text(encoding="utf-8")
     done = run("check", machine, after, "-p", params, "--json")
     verified = done.json["verification"]
     assert verified["compatible"] and not [a for a in verified["above"] if a["line"] == 2]
     assert re.search(r"t2\.csv:2 .*: from which side q2 came is unknown", done.err)
+    done = run("check", machine, after, "-p", params, "--json", "--tolerance", "60 um")
+    judged = done.json["verification"]["tolerance"]
+    assert (judged["verdict"], judged["n_fail"], judged["n_undecided"]) == ("undecided", 0, 1)
 
 
 def test_they_are_no_bad_rows_once_the_reversal_is_known(sessions: tuple[str, str, str]) -> None:

@@ -11,6 +11,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.measured_pose import measured_poses
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation
+from pkmcal_cli.calibration.unknown_sides import sided
 from pkmcal_cli.mechanism.topology import Drive, DriveKind
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import drive_travels
@@ -33,7 +34,11 @@ class ErrorFigures:
 
 
 def error_figures(problem: Problem, evaluation: Evaluation, lengths: bool = True) -> dict[str, ErrorFigures]:
-    """Figures of every kind that was measured, and of the drives' lengths where the pose was."""
+    """Figures of every kind that was measured, and of the drives' lengths where the pose was.
+
+    Without rows of unknown side of approach, which are off by what nobody knows.
+    """
+    problem = sided(problem)
     out: dict[str, ErrorFigures] = {}
     channels = problem.model.channels
     for name, columns in kinds_of(problem.model).items():

@@ -34,10 +34,13 @@ class PointErrors:
         return int(np.argmax(self.errors)) if len(self.errors) else None
 
 
-def point_errors(problem: Problem, errors: Array, on: NDArray[np.bool_]) -> PointErrors:
+def point_errors(
+    problem: Problem, errors: Array, on: NDArray[np.bool_], besides: Array | None = None
+) -> PointErrors:
     """Distances of measured from predicted points in the coordinates measured; errors and `on` (N, C), m.
 
-    U is twice the standard uncertainty of the instrument along the error (its largest where there is none).
+    U is twice the standard uncertainty of the instrument along the error (its largest where there is none); besides
+    (N, C): standard uncertainties of readings for another reason.
     """
     rows, sizes, expanded = [], [], []
     for columns in _by_point(problem):
@@ -45,6 +48,7 @@ def point_errors(problem: Problem, errors: Array, on: NDArray[np.bool_]) -> Poin
             used = [k for k in columns if on[row, k]]
             e, noise = errors[row, used], problem.noise[row][np.ix_(used, used)]
             size = float(np.sqrt(e @ e))
+            noise = noise if besides is None else noise + np.diag(besides[row, used] ** 2)
             variance = float(e @ noise @ e) / size**2 if size > 0 else float(np.linalg.eigvalsh(noise)[-1])
             rows.append(int(row))
             sizes.append(size)

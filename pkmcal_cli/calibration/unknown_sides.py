@@ -43,6 +43,12 @@ def unsided_rows(problem: Problem) -> tuple[Index, tuple[str, ...]]:
     return rows, tuple(a.name for a, on in zip(problem.model.actuators, drives, strict=True) if on)
 
 
+def sided(problem: Problem) -> Problem:
+    """The problem without what rows of unknown side say, unless that is most of it: there nobody knows the error."""
+    rows, _ = unsided_rows(problem)
+    return problem if 2 * len(rows) > int(problem.measured.any(axis=1).sum()) else problem.without(rows)
+
+
 def _sizes(model: Model, selected: Collection[str], values: Array | None) -> dict[str, float]:
     """Sizes of reversal errors by parameter, SI; of those that are selected the range, 0 of mere candidates."""
     if values is not None:

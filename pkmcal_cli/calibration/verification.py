@@ -37,6 +37,7 @@ class Verification:
     values (P,): of all parameters, those fitted to these rows among them.
 
     alone (N, C): errors if what is fitted were fitted to the other rows, inf where it rests on a row alone.
+    by_side (N, C): what an unknown side of approach adds, part of by_instrument.
     chi2, dof: of all errors together; refitted: what was fitted to these rows; failed: why rows have no prediction.
     """
 
@@ -46,6 +47,7 @@ class Verification:
     errors: Array
     by_model: Array
     by_instrument: Array
+    by_side: Array
     alone: Array
     chi2: float
     dof: int
@@ -69,8 +71,9 @@ class Verification:
 
     @property
     def points(self) -> PointErrors:
-        """Errors of points; U includes by how much each would be further off, were it not fitted itself."""
-        points = point_errors(self.problem, self.errors, self.on)
+        """Errors of points; U includes by how much each would be further off, were it not fitted itself, and what an
+        unknown side of approach may add."""
+        points = point_errors(self.problem, self.errors, self.on, self.by_side)
         if not self.refitted:
             return points
         more = point_errors(self.problem, np.where(self.on, self.alone, 0.0), self.on).errors - points.errors
@@ -102,15 +105,7 @@ def own_of(model: Model) -> tuple[str, ...]:
 def verified(problem: Problem, values: Array, known: Known) -> Verification:
     """Readings against parameter values (P,). Raises RowsFailed where most rows have no prediction."""
     refitted = own_of(problem.model)
-    failed: Mapping[int, str] = {}
-    if refitted:
-        index = [problem.model.names.index(n) for n in refitted]
-        start = values.copy()
-        start[index] = problem.model.nominal[index]
-        fit = identify(problem, refitted, start)
-        values, failed = fit.values, fit.failed
-    else:
-        failed = reasons(problem, evaluate(problem, values))
+    values, failed = _set_up(problem, values, refitted)
     problem = problem.without(failed)
     names = tuple(n for n in known.names if n not in refitted)
     keep = [known.names.index(n) for n in names]
@@ -133,12 +128,24 @@ def verified(problem: Problem, values: Array, known: Known) -> Verification:
         errors=errors,
         by_model=np.hypot(by_model, _unexplained(problem, known.unexplained)),
         by_instrument=_of_measurement(problem, evaluation),
+        by_side=_of_sides(problem, evaluation),
         alone=_alone(errors, basis, wider.sigma),
         chi2=chi2,
         dof=problem.count - basis.shape[1],
         refitted=refitted,
         failed=failed,
     )
+
+
+def _set_up(problem: Problem, values: Array, refitted: tuple[str, ...]) -> tuple[Array, Mapping[int, str]]:
+    """Values (P,) with what rows have for themselves fitted to them, and why rows have no prediction."""
+    if not refitted:
+        return values, reasons(problem, evaluate(problem, values))
+    index = [problem.model.names.index(n) for n in refitted]
+    start = values.copy()
+    start[index] = problem.model.nominal[index]
+    fit = identify(problem, refitted, start)
+    return fit.values, fit.failed
 
 
 def _root(covariance: Array) -> Array:
@@ -191,6 +198,16 @@ def _of_measurement(problem: Problem, evaluation: Evaluation) -> Array:
     assert by_drive is not None
     drives = np.nan_to_num(by_drive) * problem.reading_sigma[:, None, :]
     return np.where(problem.measured, np.sqrt(problem.sigma**2 + (drives**2).sum(axis=2)), 0.0)
+
+
+def _of_sides(problem: Problem, evaluation: Evaluation) -> Array:
+    """Standard uncertainties (N, C) of readings by drives whose side of approach is unknown."""
+    by_drive = evaluation.prediction.by_drive
+    assert by_drive is not None
+    if problem.side_sigma is None:
+        return np.zeros(problem.readings.shape)
+    drives = np.nan_to_num(by_drive) * (problem.side_sigma / problem.model.gains)[:, None, :]
+    return np.where(problem.measured, np.sqrt((drives**2).sum(axis=2)), 0.0)
 
 
 def _unexplained(problem: Problem, left: Mapping[str, float]) -> Array:
