@@ -13,6 +13,7 @@ from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.stages import Observer, Stage, unobserved
 from pkmcal_cli.base.workers import Workers
+from pkmcal_cli.calibration.agreement import Agreement
 from pkmcal_cli.calibration.bootstrap import bootstrap_intervals
 from pkmcal_cli.calibration.datum import Datum
 from pkmcal_cli.calibration.error_budget import ErrorBudget, error_budget, held_parameters
@@ -30,7 +31,7 @@ from pkmcal_cli.calibration.prior import joined, prior_of_ranges
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.robust import Loss, RobustFit, identify_robustly, plain_fit, without_weight
 from pkmcal_cli.calibration.selected_shapes import with_free_shapes
-from pkmcal_cli.calibration.starts import Agreement, identify_from
+from pkmcal_cli.calibration.starts import identify_from
 from pkmcal_cli.calibration.steady_ropes import steady_fit
 from pkmcal_cli.prediction import WarmStart
 

@@ -19,7 +19,7 @@ from pkmcal_cli.calibration.measured_pose import errors_at_poses, uncertain_driv
 from pkmcal_cli.calibration.misfit import residuals
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, chi_square, evaluate, lost_rows, reasons
-from pkmcal_cli.calibration.step import Scaled, advance
+from pkmcal_cli.calibration.step import Scaled, advance, creeps
 from pkmcal_cli.calibration.trust_region import Region
 from pkmcal_cli.prediction import WarmStart
 
@@ -30,7 +30,7 @@ _NEARLY = 1e4  # the same of a reading that a fit without it nearly explains: it
 _LAST, _LITTLE = 4, 1e-3  # values of chi-square, and the share by which they may differ, at which it has settled
 NOTHING = "nothing_identifiable"
 _STATUS = {
-    **dict.fromkeys(("gradient", "step", "rounding"), "converged"),
+    **dict.fromkeys(("gradient", "step", "rounding", "noise"), "converged"),
     **dict.fromkeys(("no_descent", "budget"), "not_converged"),
 }
 STEPS = 60  # that a fit may take
@@ -176,8 +176,9 @@ def _descent(task: _Task, kept: Problem, begin: Evaluation, failed: Mapping[int,
         near = condensed(kept, end)
         chi2.append(near.chi2)
         end, region, stopped = advance(kept, task.scale, end, near, region, hopeless=task.hopeless, compare=compare)
-        given_up = stopped == "no_descent" and near.chi2 > task.hopeless
-        if (stopped or (len(chi2) == task.iterations and not compare)) and not given_up:
+        stopped = stopped or creeps(kept, task.scale, near, chi2)
+        ended = stopped or (len(chi2) == task.iterations and not compare)
+        if ended and not (stopped == "no_descent" and near.chi2 > task.hopeless):
             again = evaluate(kept, end.values, None, end.start, end.shift)
             holds = _holds(kept, again, end)
             if holds:
@@ -214,10 +215,8 @@ def _kept(
     if not failed:
         return problem, evaluation
     kept, shift = problem.without(failed), evaluation.shift.copy()
-    if (
-        2 * len(failed) >= int(problem.measured.any(axis=1).sum())
-        or kept.count < len(evaluation.parameters) <= problem.count
-    ):
+    half = 2 * len(failed) >= int(problem.measured.any(axis=1).sum())
+    if half or kept.count < len(evaluation.parameters) <= problem.count:
         raise RowsFailed(first)
     shift[list(failed)] = 0.0
     return kept, replace(evaluation, shift=shift, residual=residuals(kept, evaluation.prediction.values))

@@ -6,16 +6,17 @@ conditioned) before the data alone decide. Other starts are drawn within the ran
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
-from pkmcal_cli.base.budget import HELP, Budget, OutOfTime
+from pkmcal_cli.base.budget import Budget, OutOfTime
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.stages import Observer, Stage, unobserved
 from pkmcal_cli.base.workers import ALONE, Workers
+from pkmcal_cli.calibration.agreement import SAME, Agreement, agreement_of, apart
 from pkmcal_cli.calibration.estimated_ranges import centred
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import STEPS, RowsFailed, identify
@@ -25,7 +26,6 @@ from pkmcal_cli.calibration.steady_ropes import steady_fit
 from pkmcal_cli.calibration.tightened_ropes import with_tightened_ropes
 from pkmcal_cli.prediction import WarmStart
 
-_SAME = 3.0  # standard uncertainties, each with what is held, within which ends are the same
 ON_FAILURE = 8  # starts that are tried when the first one fails, or ends in a fit of chi-square above
 _STEPS = 25  # of further starts; those that end well take fewer than ten
 _HOPELESS = 1e6  # chi-square per degree of freedom: a thousand times noise, where damped steps lead nowhere soon
@@ -34,38 +34,6 @@ _DOUBTFUL = 100.0  # per degree of freedom: ten times noise is a missing effect,
 
 Progress = Callable[[int, float], None] | None
 """Told the number of each step, and chi-square."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Agreement:
-    """How many starts there were; how many ended in the best fit, in others as good, in worse ones, in none.
-
-    spread: of those that agree, in standard uncertainties; untried: starts for which there was no time.
-    """
-
-    starts: int
-    agree: int
-    rivals: int
-    worse: int
-    failed: int
-    spread: float
-    untried: int = 0
-
-    @property
-    def text(self) -> str:
-        """In words."""
-        return self._ends + (f"; {self.untried} not tried after {HELP:g} s (`--starts N` does)" if self.untried else "")
-
-    @property
-    def _ends(self) -> str:
-        if not self.agree:
-            return f"starts: none of {self.starts} converges"
-        parts = [f"starts: {self.agree} of {self.starts} reach the best fit (within {self.spread:.2g} std)"]
-        if self.rivals:
-            parts.append(f"{self.rivals} another fit that is equally good (the data cannot separate them)")
-        parts += [f"{self.worse} a worse fit"] if self.worse else []
-        parts += [f"{self.failed} no fit"] if self.failed else []
-        return ", ".join(parts)
 
 
 def _fitted(observe: Observer, steps: int, _: float) -> None:
@@ -130,12 +98,20 @@ def best_of_starts(
     if not good:
         none = Agreement(starts=len(ends), agree=0, rivals=0, worse=0, failed=len(ends), spread=0.0, untried=untried)
         return first, none
-    best = min(good, key=lambda e: (len(e.failed), e.chi2))
+    best = _not_beaten(min(good, key=lambda e: (len(e.failed), e.chi2)), ends)
     whole = first is not None and first.failed.keys() == best.failed.keys()
-    if first is not None and whole and first.status == "converged" and _apart(problem, first, best) <= _SAME:
+    if first is not None and whole and first.status == "converged" and apart(problem, first, best) <= SAME:
         best = first  # the same, with what is not seen as it was given
     before = first.before if first is not None else best.before
-    return replace(best, before=before), replace(_agreement(problem, ends, good, best), untried=untried)
+    return replace(best, before=before), replace(agreement_of(problem, ends, good, best), untried=untried)
+
+
+def _not_beaten(best: Fit, ends: Sequence[Fit | None]) -> Fit:
+    """The best fit that converged; or one that did not, if it leaves much less: then the best is no minimum of all."""
+    if best.excess <= 1.0:
+        return best
+    lower = (e for e in ends if e is not None and e.failed.keys() == best.failed.keys())
+    return min((e for e in lower if e.chi2 < best.chi2 - SAME**2 * best.excess), key=lambda e: e.chi2, default=best)
 
 
 def _with_ropes(problem: Problem, selected: tuple[str, ...], start: Array, first: Fit) -> Fit:
@@ -222,24 +198,6 @@ class _Starts:
             return _led(self.problem, self.selected, self.start, self.progress)
         values = self.scattered[number - len(self.known) - 1]
         return _tried(self.problem, self.selected, self.start, values, self.progress)
-
-
-def _apart(problem: Problem, one: Fit, best: Fit) -> float:
-    """Largest difference of a parameter, in its standard uncertainty."""
-    index = [problem.model.names.index(n) for n in best.selected]
-    std = np.where(np.isfinite(best.std), best.std, np.inf)
-    return float(np.abs((one.values - best.values)[index] / std).max(initial=0.0))
-
-
-def _agreement(problem: Problem, ends: list[Fit | None], good: list[Fit], best: Fit) -> Agreement:
-    apart = np.array([_apart(problem, e, best) for e in good])
-    same = apart <= _SAME
-    whole = np.array([e.failed.keys() == best.failed.keys() for e in good])
-    as_good = whole & np.array([e.chi2 - best.chi2 <= _SAME**2 * best.excess for e in good])
-    agree, rivals = int(same.sum()), int((~same & as_good).sum())
-    failed, spread = len(ends) - len(good), float(apart[same].max(initial=0.0))
-    worse = len(good) - agree - rivals
-    return Agreement(starts=len(ends), agree=agree, rivals=rivals, worse=worse, failed=failed, spread=spread)
 
 
 def _led(problem: Problem, selected: tuple[str, ...], start: Array, progress: Progress) -> Fit | None:

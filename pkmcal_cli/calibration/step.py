@@ -6,6 +6,7 @@ drives' errors follow (Ecorchard 2010, eq. 24, with weights).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import compress
 
@@ -24,6 +25,7 @@ from pkmcal_cli.units.measurands import Measurand
 
 _STEP = 1e-8  # converged: the next step would be shorter than this share of the ranges ...
 _GAIN = 1e-11  # ... or lower chi-square by less than this share, or by less than rounding
+_GAINING, _LITTLE = 8, 0.01  # steps in turn, and what they must gain together, in variances of the noise
 _MUCH = 100.0  # damping at which a fit that is far off has lost its way
 _CREEPING, _FAR = 8, 1e4  # steps that creep, and chi-square per value, at which a fit leads nowhere
 _HEAVY = 1e9  # damping that leaves the drives' errors where they are
@@ -92,6 +94,16 @@ def advance(
             continue
         region = region.refused(step)
         lost |= near.chi2 > hopeless and region.damping > _MUCH
+
+
+def creeps(problem: Problem, scale: Scaled, near: Linearised, chi2: Sequence[float]) -> str:
+    """Why to stop after steps from values of chi-square on, the last one at `near`: "noise", or "" to go on.
+
+    Where a direction is held that turns on the way, each step finds a little to gain, and they never end.
+    """
+    if len(chi2) <= _GAINING or chi2[-1 - _GAINING] - chi2[-1] > _LITTLE * chi2[-1] / problem.count:
+        return ""
+    return "noise" if directions(near.jacobian, scale.names, scale.ranges, problem.unseen).weak.any() else ""
 
 
 def _share(gained: float, promised: float) -> float:

@@ -98,6 +98,7 @@ STOPPED = {
     "gradient": " (stopped by gradient)",
     "step": " (stopped by step length)",
     "rounding": " (stopped by rounding)",
+    "noise": " (stopped as steps gain less than noise)",
     "budget": " (stopped by the budget of steps)",
     "no_descent": " (no step lowers chi-square)",
     "nothing": "",
