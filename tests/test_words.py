@@ -26,7 +26,6 @@ ALONE = frozenset({"own", "now", "rests", "stuff", "thing", "things", "turn"})
 """Words that are part of a name, but no name."""
 KEPT = {
     "what": {"base/errors.py"},  # of errors, as docs/python.md has it
-    "given_up": {"calibration/identify.py"},
     "_given_up": {"base/processes.py"},
     "given_targets": {"tables/measurement_set.py"},
     "given": {"equilibrium/branch.py", "prediction/stages.py"},
