@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -13,6 +14,7 @@ from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.report_rows import Interval, OuterFold
 from pkmcal_cli.report.improvement import rms_change
 from pkmcal_cli.units.unit_text import parse_unit
+from pkmcal_cli.workflow import improve as improve_command
 from tests.benchmark.setting import ready
 from tests.command import HANGPRINTER, HANGPRINTER_DATA, MACHINES, SCISSORS, SHOPFLOOR, Done, clean, run, timeless
 from tests.computed_once import run_once
@@ -178,6 +180,22 @@ def test_nothing_to_improve(tmp_path: Path) -> None:
     again = clean(run("calibrate", target, CLEAN, "--holdout", "none", "--json"))
     plain = clean(run("calibrate", SCISSORS, CLEAN, "--holdout", "none", "--json"))
     assert again.json["chi2_per_dof"] == pytest.approx(plain.json["chi2_per_dof"], rel=1e-9)
+
+
+def test_values_of_a_fit_that_does_not_converge_are_not_passed_off_as_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found, target = improve_command.improve, tmp_path / "better.yaml"
+
+    def unsettled(*arguments: Any, **named: Any) -> Any:
+        done = found(*arguments, **named)
+        return replace(done, fit=replace(done.fit, status="not_converged"))
+
+    monkeypatch.setattr(improve_command, "improve", unsettled)
+    done = run("improve", SCISSORS, CLEAN, "--only", "backlash@q1", "-o", target, "--json")
+    assert done.code == 1 and "does not converge: do not use its values" in done.err
+    assert "implausible" in done.json["failures"]
+    assert "status: not_converged" in target.with_suffix(".params.yaml").read_text(encoding="utf-8")
 
 
 @pytest.mark.slow

@@ -122,7 +122,9 @@ class Improved:
         """How the fit with all that was accepted ended."""
         made = self.report.improvement
         more = self.case.loss == "squares" and unexplained(made.fit, made.budget)
-        return "implausible" if self.odd else "incomplete" if more else made.fit.status
+        if made.fit.status != "converged":
+            return made.fit.status
+        return "implausible" if self.odd else "incomplete" if more else "converged"
 
     def failures(self, accept: bool = False) -> tuple[str, ...]:
         """What it did not achieve."""
@@ -200,8 +202,10 @@ def _improved(case: Case, validation: Problem | None, request: ImproveRequest, t
 
 
 def _implausible(improvement: Improvement, hints: tuple[str, ...]) -> tuple[str, ...]:
-    """Hints at gross mistakes, and why the fit with all that was accepted is not to be believed; () if it failed."""
+    """Hints at gross mistakes, and why the fit with all that was accepted is not to be believed."""
     problem, fit = improvement.problem, improvement.fit
+    if fit.status == "not_converged":
+        return ("the fit with all that was accepted does not converge: do not use its values",)
     if fit.status != "converged":
         return ()
     return (*hints, *implausible_fit(problem, fit, range_check(problem, fit, improvement.budget)))
