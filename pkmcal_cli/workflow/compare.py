@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +12,9 @@ import numpy as np
 
 from pkmcal_cli.base.errors import BadInput, Location, UsageError
 from pkmcal_cli.base.files import is_stream, sha256
-from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration.comparison import Alone, Common, Omnibus, alone, changes, chosen_by_all, common, omnibus
+from pkmcal_cli.calibration.change_course import Course, likely_course, line_of
+from pkmcal_cli.calibration.comparison import changes, chosen_by_all, omnibus
+from pkmcal_cli.calibration.data_sets import Common, common
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.loading.known_parameters import KnownParameters, known_parameters
 from pkmcal_cli.loading.plain_files import yaml_kind
@@ -160,8 +160,8 @@ def _parameters(request: ComparisonRequest, kinds: list[str], limits: Sequence[G
             raise BadInput.single(message, Location(k.file), hint, "parameters")
     compared = _compared(known)
     change = None
-    if (compared.test.dof and len(known) == 2) or compared.trend or compared.since is not None or limits:
-        change = tool_change(request.machine, files, known, compared.changes, to)
+    if compared.test.dof or limits:
+        change = tool_change(request.machine, files, known, compared.likely(request.alpha), to)
     report = ComparisonReport(known, compared, change, request.alpha)
     for text in _warnings(known):
         to.warn(text)
@@ -170,18 +170,20 @@ def _parameters(request: ComparisonRequest, kinds: list[str], limits: Sequence[G
         machine = next((k.fingerprint.of for k in known if k.fingerprint is not None), "") or "calibrations"
         named = titles(machine, "comparison", files)
         write_plot(comparison_picture(report, named), request.plot, files, to, force=request.force)
-    gates, missed = _judge(limits, {"change": _largest(change)}, files[-1], to)
+    gates, missed = _judge(limits, {"change": _largest(change, report)}, files[-1], to)
     if request.as_json:
         result = report.json()
         emit_json(enveloped("compare", result["verdict"], result | {"gates": gates}, _origin(files)))
     return int(missed or not report.unchanged)
 
 
-def _largest(change: ToolChange | str | None) -> list[Figure] | str:
-    """The largest change of the tool point, or why it is not known."""
+def _largest(change: ToolChange | str | None, report: ComparisonReport) -> list[Figure] | str:
+    """The largest change of the tool point, 0 where the test sees none, or why it is not known."""
     if change is None or isinstance(change, str):
         return change or "not known"
-    return [Figure("largest change of the tool point's position", change.largest, parse_unit("um"), "position")]
+    label = "largest change of the tool point's position"
+    size = 0.0 if report.unchanged else change.largest
+    return [Figure(label + " (no change is seen)" * report.unchanged, size, parse_unit("um"), "position")]
 
 
 def _compared(known: Sequence[KnownParameters]) -> Compared:
@@ -190,31 +192,10 @@ def _compared(known: Sequence[KnownParameters]) -> Compared:
     odd = _of_other_kinds(known)
     c = common(data, [k.values for k in known], [_per_campaign(k) | odd for k in known])
     test, contrasts = omnibus(c)
-    times, unit = _times(known)
-    since, single = None, alone(c, contrasts, test, times) if test.dof else None
-    if single is not None and unit and not single.explains:
-        since, times, single = _step(c, contrasts, test, times) or (None, times, single)
+    course, single = likely_course(c, contrasts, test, _line(known)) if test.dof else (_line(known), None)
     chosen = [[n for n, p in k.parameters.items() if np.isfinite(p.std)] for k in known]
-    moved = chosen_by_all(c, chosen)
-    parameter_changes = changes(c, moved, times, test.freedom)
-    return Compared(
-        common=c, test=test, changes=parameter_changes, alone=single, apart=_apart(known, c),
-        unit="" if since is not None else unit, since=since,
-    )  # fmt: skip
-
-
-def _step(
-    c: Common, contrasts: Array, test: Omnibus, times: Sequence[float]
-) -> tuple[int, tuple[float, ...], Alone] | None:
-    """Where a sudden change of one parameter explains all: the number of the first file after it, the step itself (n,),
-    and the parameter; None where none does."""
-    steps = []
-    for first in np.argsort(times)[1:].tolist():
-        step = tuple(float(t >= times[first]) for t in times)
-        single = alone(c, contrasts, test, step)
-        if single is not None and single.explains:
-            steps.append((first, step, single))
-    return max(steps, key=lambda s: s[2].p_left, default=None)
+    moved = changes(c, chosen_by_all(c, chosen), course.times, test.freedom)
+    return Compared(common=c, test=test, changes=moved, alone=single, apart=_apart(known, c), course=course)
 
 
 def _per_campaign(known: KnownParameters) -> set[str]:
@@ -244,17 +225,15 @@ def _apart(known: Sequence[KnownParameters], c: Common) -> dict[str, tuple[int, 
     return {n: where for n, where in lists.items() if n not in c.names}
 
 
-def _times(known: Sequence[KnownParameters]) -> tuple[tuple[float, ...], str]:
-    """When each was made, in days after the first, and "day"; 0, 1 and "" for two, or where dates are not known."""
-    dates = [k.created for k in known]
+def _line(known: Sequence[KnownParameters]) -> Course:
+    """From the first file to the last: by dates where there are more than two. Raises BadInput where one is lacking."""
     if len(known) == 2:
-        return (0.0, 1.0), ""
-    if any(d is None for d in dates) or len(set(dates)) < len(dates):
-        lacking = next((k for k in known if k.created is None), known[0])
-        message = "a trend needs the date of each file; this one has none, or shares it with another"
-        raise BadInput.single(message, Location(lacking.file), "write `created:` in its `provenance:`", "date")
-    first = min(d for d in dates if d is not None)
-    return tuple((d - first) / timedelta(days=1) for d in dates if d is not None), "day"
+        return Course((0.0, 1.0))
+    for k in known:
+        if k.created is None:
+            message = "a trend needs the date of each file; this one has none"
+            raise BadInput.single(message, Location(k.file), "write `created:` in its `provenance:`", "date")
+    return line_of([k.created for k in known if k.created is not None])
 
 
 def _warnings(known: Sequence[KnownParameters]) -> list[str]:
