@@ -30,7 +30,7 @@ from pkmcal_cli.workflow.arguments import present
 from pkmcal_cli.workflow.compare_machines import compare_machines
 from pkmcal_cli.workflow.gates import Figure, Figures, Gate, gates
 from pkmcal_cli.workflow.plots import check_plot, write_plot
-from pkmcal_cli.workflow.run_folder import PARAMETERS, RECORD, changed_since, history, show_history
+from pkmcal_cli.workflow.run_folder import PARAMETERS, RECORD, history, kept_run, show_history
 from pkmcal_cli.workflow.tool_change import tool_change
 
 
@@ -76,8 +76,6 @@ def run_comparison(request: ComparisonRequest) -> int:
         return _machines(request, kinds, limits, to)
     if "table" in kinds:
         raise UsageError("a table is compared by machine files", hint="compare M1.yaml M2.yaml TABLE.csv")
-    if len(kinds) < 2:
-        raise UsageError("there is nothing to compare it with", hint="give two parameter files or more")
     return _parameters(request, kinds, limits, to)
 
 
@@ -143,12 +141,7 @@ def _origin(files: Sequence[str]) -> dict[str, Any]:
 
 def _parameters(request: ComparisonRequest, kinds: list[str], limits: Sequence[Gate], to: Reporter) -> int:
     """What changed between calibrations."""
-    files = [
-        os.path.join(t, PARAMETERS) if k == "run" else t for t, k in zip(request.files, kinds, strict=True)
-    ]
-    for folder in (t for t, k in zip(request.files, kinds, strict=True) if k == "run"):
-        if changed_since(folder):
-            to.warn(f"warning: {folder}: a result is missing or has been changed since")
+    files = _parameter_files(request.files, kinds, to)
     known = [known_parameters(f) for f in files]
     for k in known:
         if k.data is None:
@@ -175,6 +168,25 @@ def _parameters(request: ComparisonRequest, kinds: list[str], limits: Sequence[G
         result = report.json()
         emit_json(enveloped("compare", result["verdict"], result | {"gates": gates}, _origin(files)))
     return int(missed or not report.unchanged)
+
+
+def _parameter_files(names: Sequence[str], kinds: Sequence[str], to: Reporter) -> list[str]:
+    """Parameter files, also those of runs; runs that have none are left out. Raises UsageError where one is left."""
+    out = []
+    for name, kind in zip(names, kinds, strict=True):
+        if kind != "run":
+            out.append(name)
+            continue
+        run = kept_run(name)
+        if not run.intact:
+            to.warn(f"warning: {name}: a result is missing or has been changed since")
+        if PARAMETERS in run.results:
+            out.append(os.path.join(name, PARAMETERS))
+        else:
+            to.notes([f"{name}: a run of `{run.command}` has no parameters, and is left out"])
+    if len(out) < 2:
+        raise UsageError("there is nothing to compare it with", hint="give two parameter files or more")
+    return out
 
 
 def _largest(change: ToolChange | str | None, report: ComparisonReport) -> list[Figure] | str:
