@@ -121,11 +121,11 @@ def _machines(request: ComparisonRequest, kinds: list[str], limits: Sequence[Gat
         picture = machines_picture(_short(machines), both, report.unit, report.kind, named)
         write_plot(picture, request.plot, request.files, to, force=request.force)
     rms = Figure(f"held-out {report.kind} rms of {machines[1]}", report.errors.second, report.unit, report.kind)
-    gates, missed = _judge(limits, {"heldout": [rms]}, tables[0], to)
+    figures: Figures = {"heldout": [rms] if report.enough else "too few rows are predicted by both"}
+    gates, missed = _judge(limits, figures, tables[0], to)
     if request.as_json:
-        verdict = "one is better" if report.errors.better else "no difference"
-        emit_json(enveloped("compare", verdict, report.json() | {"gates": gates}, _origin(request.files)))
-    return int(missed)
+        emit_json(enveloped("compare", report.verdict, report.json() | {"gates": gates}, _origin(request.files)))
+    return int(missed or not report.enough)
 
 
 def _short(machines: Sequence[str]) -> tuple[str, str]:

@@ -8,9 +8,9 @@ COMPARE = Output(
     "compare",
     """
 kind parameters|machines|history: `parameters`; `machines` and `history`: see below
-verdict no change|changed|nothing in common|one is better|no difference|intact|changed since: `no change` or
-    `changed`, by the test of all; `nothing in common`: there is none; of machine files `one is better` or `no
-    difference`; of runs `intact` or `changed since`
+verdict no change|changed|nothing in common|one is better|no difference|too few rows|intact|changed since: `no change`
+    or `changed`, by the test of all; `nothing in common`: there is none; of machine files `one is better`, `no
+    difference`, or `too few rows`, where both predict less than half of them; of runs `intact` or `changed since`
 named~[] text: what has changed: parameters by their own tests (if one change explains everything, only those that
     do so alone); else those of which one alone explains the change
 files~[].file text: what is compared
@@ -81,6 +81,7 @@ change.low number?: its 95 % interval
 change.high number?:
 unit~ text:
 count~ integer: number of rows in pairs
+rows~ integer: number of rows in the table
 scheme~ text: how rows were held out
 ---
 runs~[].folder text:
