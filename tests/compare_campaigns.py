@@ -24,10 +24,10 @@ from pkmcal_cli.calibration.comparison import (
     changed,
     changes,
     chosen_by_all,
-    common,
     omnibus,
 )
 from pkmcal_cli.calibration.complete_fit import FitOptions, calibrated
+from pkmcal_cli.calibration.data_sets import common
 from pkmcal_cli.calibration.determinacy import determinacy
 from pkmcal_cli.calibration.frame_start import with_frames
 from pkmcal_cli.calibration.information import data_information

@@ -8,14 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pkmcal_cli.calibration.comparison import (
-    alone,
-    changed,
-    changes,
-    common,
-    holm,
-    omnibus,
-)
+from pkmcal_cli.calibration.comparison import alone, changed, changes, holm, omnibus
+from pkmcal_cli.calibration.data_sets import common
 from pkmcal_cli.calibration.paired_errors import paired
 from pkmcal_cli.loading.data_information import DataInformation
 from tests.campaign_tables import MM, true_values, write_table

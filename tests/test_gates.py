@@ -69,7 +69,8 @@ def test_a_missed_limit_is_told_in_its_own_unit(limit: str, told: str) -> None:
 
 def test_a_limit_that_cannot_be_judged_is_missed() -> None:
     code, (gate,), told = judged("heldout 1 m", arguments=(*QUICK, "--holdout", "none"))
-    assert code == 1 and gate["value"] is None and not gate["kept"] and "heldout (not requested)" in told
+    assert code == 1 and gate["value"] is None and not gate["kept"] and "above the limit" not in told
+    assert "heldout (not requested): unknown, so the limit of 1 m is missed" in told and "`--holdout 5`" in told
     code, (gate,), told = judged("std:yb2r 1 m", arguments=(*QUICK, "--select", "l1,l2"))
     assert code == 1 and gate["value"] is None and "standard uncertainty of yb2r: unknown" in told, "not identified"
     one = "id,q1,q2,q3,x,y\np1,116.33,603.67,946.83,360,275\n"

@@ -15,6 +15,8 @@ from tests.campaign_tables import MM, true_values, write_table
 from tests.campaigns import shipped
 from tests.command import MACHINES, run
 from tests.truth import generate
+from tests.two_slides import MACHINE as SLIDES
+from tests.two_slides import Slides
 
 BIGLIDE = str(MACHINES / "biglide.yaml")
 REPAIRED = 0.12 * MM  # a new strut, off by more than its range
@@ -81,7 +83,24 @@ def test_names_without_partner_are_listed(folder: Path) -> None:
     six = write_table(folder / "six.csv", "biglide", true_values("biglide", 3), 5, 6)
     done = run("calibrate", "other.yaml", six, "--prior", "old.yaml", "--holdout", "none")
     assert "without partner in old.yaml, known to their ranges: leg" in done.err
-    assert "not in this machine, left out: l3" in done.err
+    assert "not in this machine, left out: l3" in done.err and "another machine" not in done.err
+
+
+def test_a_prior_of_another_machine_is_told(folder: Path) -> None:
+    """Its few names may mean something else here; so may those with values that this machine can hardly have."""
+    slides = Slides().table(folder / "slides.csv", 1)
+    (folder / "slides.yaml").write_text(SLIDES.replace("h: 1000", "l1: 1000").replace("[0, h]", "[0, l1]"))
+    done = run("calibrate", "slides.yaml", slides, "--prior", "old.yaml", "--select", "x2,l1,s", "--holdout", "none")
+    (line,) = (text for text in done.err.splitlines() if "another machine" in text)
+    assert re.match(r"warning: prior: old.yaml is of another machine, `.*biglide.yaml`: here are 1 of its 12 p", line)
+    assert "further from nominal here than their range: l1;" in line
+    effect = "effects: {scale@q1: {s: {identify: true}}}\n"
+    (folder / "near.yaml").write_text(f"extends: {BIGLIDE}\nparameters: {{l1: {{nominal: 305}}}}\n{effect}")
+    six = write_table(folder / "six.csv", "biglide", true_values("biglide", 3), 5, 6)
+    done = run("calibrate", "near.yaml", six, "--prior", "old.yaml", "--holdout", "none")
+    assert "further from nominal here than their range: l1;" in done.err
+    done = run("calibrate", "near.yaml", six, "--prior", "old.yaml", "--loosen", "l1", "--holdout", "none")
+    assert "another machine" not in done.err
 
 
 @pytest.mark.parametrize(

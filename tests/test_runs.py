@@ -94,6 +94,20 @@ def test_runs_are_compared(folder: Path) -> None:
     assert done.code == 0 and done.json["tool_point"] is not None
 
 
+def test_a_run_without_parameters_is_left_out(folder: Path) -> None:
+    """Of `compare runs/*`: a correction has none, and calibrations are compared all the same."""
+    write_table(folder / "more.csv", "biglide", true_values("biglide", 1), 2, 40)
+    for rows in ("rows.csv", "more.csv"):
+        run("calibrate", "mine.yaml", rows, "--holdout", "none", "--run", "runs", "-q")
+    run("correct", "mine.yaml", "--grid", "x=300:400:2,y=250:300:2", "-o", "c.csv", "--run", "runs", "-q")
+    *calibrations, correction = sorted((folder / "runs").iterdir(), key=lambda kept: kept.name.endswith("_correct"))
+    done = run("compare", *calibrations, correction, "--json")
+    assert done.code == 0 and len(done.json["files"]) == 2
+    assert f"{correction}: a run of `correct` has no parameters" in done.err
+    done = run("compare", calibrations[0], correction)
+    assert done.code == 2 and "nothing to compare it with" in done.err
+
+
 def test_a_result_that_was_changed_is_told(folder: Path) -> None:
     run("calibrate", "mine.yaml", "rows.csv", "--holdout", "none", "--run", "runs", "-q")
     file = only(folder) / "params.yaml"

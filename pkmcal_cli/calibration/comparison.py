@@ -11,96 +11,22 @@ cancels as far as the sets are alike. Chow 1960, Econometrica 28; Holm 1979, Sca
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc, stdtr
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.loading.data_information import DataInformation
+from pkmcal_cli.calibration.data_sets import SEEN, Common
 
-_RANK = 1e-9  # of the largest singular value
-_SEEN = 0.01  # per half range: what rows see less of is nothing that a set says
 _WORTH = 0.5  # in noise per half range: a contrast that is worth a test
 _FREE, _CHANGE = 10.0, 4.0  # half ranges: prior standard deviations of what may be anything, and of a change
+_LIKELY = 1.0  # half ranges: the same of what is predicted by changes, so that what no data determine stays
 _KNOWN = 1.0  # half ranges to which a change is known that all sets determine
 _RIVAL = 3.84  # of chi-square: so much worse another single parameter may explain a change (95 %)
 _LEFT = 0.01  # p value of what is left, below which one parameter does not explain a change
-
-
-@dataclass(frozen=True, kw_only=True)
-class DataSet:
-    """What one data set says: matrix (r, q) and right (r,) in its noise, by the common parameters in `scale`.
-
-    freedom: degrees of freedom by which its noise is known.
-    """
-
-    matrix: Array
-    right: Array
-    noise: float
-    freedom: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class Common:
-    """Data sets in their common parameters: `names`, scale (q,) SI, offsets from `reference` (q,) SI."""
-
-    names: tuple[str, ...]
-    scale: Array
-    reference: Array
-    sets: tuple[DataSet, ...]
-
-    @cached_property
-    def matrix(self) -> Array:
-        """All equations (m, q)."""
-        return np.vstack([s.matrix for s in self.sets])
-
-    @cached_property
-    def right(self) -> Array:
-        """Right-hand sides (m,) of all."""
-        return np.concatenate([s.right for s in self.sets])
-
-    @cached_property
-    def set_of(self) -> NDArray[np.intp]:
-        """Number (m,) of the set of each equation."""
-        return np.repeat(np.arange(len(self.sets)), [len(s.right) for s in self.sets])
-
-
-def common(
-    data: Sequence[DataInformation], values: Sequence[dict[str, float]], per_campaign: Sequence[set[str]]
-) -> Common:
-    """Data sets in the parameters that all have; own: names that are each set's own, though others have them too."""
-    apart = set().union(*per_campaign)
-    names = tuple(n for n in data[0].names if n not in apart and all(n in d.names for d in data))
-    scales = np.array([[d.scale[d.names.index(n)] for n in names] for d in data]).reshape(len(data), len(names))
-    scale, reference = scales.max(axis=0), np.array([values[0][n] for n in names])
-    sets = []
-    for d, v in zip(data, values, strict=True):
-        index = [d.names.index(n) for n in names]
-        others = [k for k in range(len(d.names)) if k not in set(index)]
-        shared = d.root[:, index] * (scale / d.scale[index])
-        right = d.right + shared @ ((np.array([v[n] for n in names]) - reference) / scale)
-        sets.append(_data_set(d, d.root[:, others], shared, right))
-    return Common(names=names, scale=scale, reference=reference, sets=tuple(sets))
-
-
-def _data_set(d: DataInformation, unshared: Array, shared: Array, right: Array) -> DataSet:
-    """Equations without what is the set's own, in units of its noise."""
-    if unshared.shape[1]:
-        u, s, _ = np.linalg.svd(unshared)
-        null_directions = u[:, int((s > _RANK * s.max(initial=0.0)).sum()) :]
-        shared, right = null_directions.T @ shared, null_directions.T @ right
-    gone = len(d.right) - len(right)
-    u, s, vt = np.linalg.svd(shared)
-    rank = int((s > max(_SEEN, _RANK * s.max(initial=0.0))).sum())
-    turned = u.T @ right
-    left, freedom = d.left + float((turned[rank:] ** 2).sum()), max(d.count - gone - rank, 0)
-    noise = 1.0 if np.isinf(d.worth) else (left + d.worth) / (freedom + d.worth)
-    size = np.sqrt(noise)
-    matrix = s[:rank, None] * vt[:rank] / size
-    return DataSet(matrix=matrix, right=turned[:rank] / size, noise=noise, freedom=freedom + d.worth)
 
 
 @dataclass(frozen=True)
@@ -127,7 +53,7 @@ def omnibus(c: Common) -> tuple[Omnibus, Array]:
 def _contrasts(c: Common) -> Array:
     """Orthonormal combinations (m, d) of the equations without any parameter, which a change of a range would show."""
     u, s, _ = np.linalg.svd(c.matrix)
-    free = u[:, int((s > _SEEN).sum()) :]
+    free = u[:, int((s > SEEN).sum()) :]
     if not free.shape[1]:
         return free
     by_change = np.hstack([(free * (c.set_of == k)[:, None]).T @ c.matrix for k in range(len(c.sets))])
@@ -143,20 +69,17 @@ def _freedom(c: Common, share: Array) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Changes:
-    """Changes (k,) of parameters `names` per unit of time, SI, with posterior covariance (k, k), and by chance alone.
+class Estimate:
+    """Changes (k,) of parameters `names`, SI, with posterior covariance (k, k); null: that of estimates by chance.
 
-    null (k, k): covariance of the estimates where nothing changes; p_values (k,) of each alone, holm (k,) corrected,
-    nan where the sets do not determine the change: `determined` (k,).
+    alone: whether they are one, by which all is explained.
     """
 
     names: tuple[str, ...]
     values: Array
     covariance: Array
     null: Array
-    determined: NDArray[np.bool_]
-    p_values: Array
-    holm: Array
+    alone: bool = False
 
     @property
     def std(self) -> Array:
@@ -164,33 +87,53 @@ class Changes:
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
 
-def changes(c: Common, moved: Sequence[str], times: Sequence[float], freedom: float) -> Changes:
-    """How the parameters `moved` change with time (n,), one value for each set; others are the same in all.
+@dataclass(frozen=True, kw_only=True)
+class Changes(Estimate):
+    """Estimates and their tests: p_values (k,) of each alone, holm (k,) corrected.
 
-    Their values, of which little is known, are those at the mean time, so that no set comes first.
+    These are nan where the sets do not determine the change: `determined` (k,).
+    """
+
+    determined: NDArray[np.bool_]
+    p_values: Array
+    holm: Array
+
+    def per(self, time: float) -> Changes:
+        """Per unit of a time in which they happened."""
+        covariance, null = self.covariance / time**2, self.null / time**2
+        return replace(self, values=self.values / time, covariance=covariance, null=null)
+
+
+def estimate(c: Common, moved: Sequence[str], times: Sequence[float], known_to: float) -> Estimate:
+    """How the parameters `moved` change where times (n,) go from 0 to 1, one for each set; others are the same in all.
+
+    Their values, of which little is known, are those at the mean time, so that no set comes first. known_to: half
+    ranges to which changes are known to be 0.
     """
     where = [c.names.index(n) for n in moved]
     moving = c.matrix[:, where] * (np.array(times) - np.mean(times))[c.set_of][:, None]
     design, q, k = np.hstack([c.matrix, moving]), len(c.names), len(where)
     known = np.ones(q)
     known[where] = 1.0 / _FREE
-    whole = np.linalg.inv(design.T @ design + np.diag(np.append(known**2, np.full(k, _CHANGE**-2))))
+    whole = np.linalg.inv(design.T @ design + np.diag(np.append(known**2, np.full(k, known_to**-2))))
     gain = whole[q:] @ design.T
     scale, by_offset = c.scale[where], gain @ c.matrix
-    null = (gain @ gain.T + by_offset @ by_offset.T) * np.outer(scale, scale)
-    values, posterior = gain @ c.right * scale, whole[q:, q:] * np.outer(scale, scale)
-    determined = np.sqrt(np.diag(whole)[q:]) <= _KNOWN
-    z = np.abs(values) / np.sqrt(np.maximum(np.diag(null), 1e-300))
-    single = np.where(determined, 2.0 * stdtr(min(freedom, 1e9), -z), np.nan)
-    return Changes(
+    size = np.outer(scale, scale)
+    return Estimate(
         names=tuple(moved),
-        values=values,
-        covariance=posterior,
-        null=null,
-        determined=determined,
-        p_values=single,
-        holm=holm(single),
+        values=gain @ c.right * scale,
+        covariance=whole[q:, q:] * size,
+        null=(gain @ gain.T + by_offset @ by_offset.T) * size,
     )
+
+
+def changes(c: Common, moved: Sequence[str], times: Sequence[float], freedom: float) -> Changes:
+    """Estimated with hardly any knowledge of the changes, and tested."""
+    e = estimate(c, moved, times, _CHANGE)
+    determined = e.std <= _KNOWN * c.scale[[c.names.index(n) for n in moved]]
+    z = np.abs(e.values) / np.sqrt(np.maximum(np.diag(e.null), 1e-300))
+    single = np.where(determined, 2.0 * stdtr(min(freedom, 1e9), -z), np.nan)
+    return Changes(**vars(e), determined=determined, p_values=single, holm=holm(single))
 
 
 def holm(p_values: Array) -> Array:
@@ -200,6 +143,11 @@ def holm(p_values: Array) -> Array:
     count = len(order)
     out[order] = np.minimum(np.maximum.accumulate(p_values[order] * (count - np.arange(count))), 1.0)
     return out
+
+
+def likely_changes(c: Common, moved: Sequence[str], times: Sequence[float]) -> Estimate:
+    """Estimated with ranges as knowledge of the changes, as a calibration has it of the values: to predict by."""
+    return estimate(c, moved, times, _LIKELY)
 
 
 @dataclass(frozen=True)
@@ -215,6 +163,16 @@ class Single:
     def explains(self) -> bool:
         """Whether it leaves no more than noise, as far as can be told."""
         return not self.p_left < _LEFT
+
+    @property
+    def estimate(self) -> Estimate:
+        """The change as an estimate where all else stands still."""
+        values, covariance = np.array([self.value]), np.array([[self.std**2]])
+        return Estimate(names=(self.name,), values=values, covariance=covariance, null=covariance, alone=True)
+
+    def per(self, time: float) -> Self:
+        """The change per unit of a time in which it happened."""
+        return replace(self, value=self.value / time, std=self.std / time)
 
 
 @dataclass(frozen=True)
@@ -233,9 +191,19 @@ class Alone(Single):
         """The parameter and its rivals."""
         return (self.name, *(r.name for r in self.rivals))
 
+    def equals(self, named: Sequence[str]) -> tuple[Single, ...]:
+        """The parameter and its rivals, what is `named` first; nothing where only others are."""
+        if named and set(named).isdisjoint(self.names):
+            return ()
+        return tuple(sorted((self, *self.rivals), key=lambda r: bool(named) and r.name not in named))
+
+    def per(self, time: float) -> Self:
+        """This one and its rivals."""
+        return replace(super().per(time), rivals=tuple(r.per(time) for r in self.rivals))
+
 
 def alone(c: Common, contrasts: Array, test: Omnibus, times: Sequence[float]) -> Alone | None:
-    """Of all common parameters; None where no contrast sees any of them."""
+    """Of all common parameters, with times (n,) from 0 to 1; None where no contrast sees any of them."""
     seen = contrasts.T @ (c.matrix * np.array(times)[c.set_of][:, None])  # (d, q)
     size, pulled = (seen**2).sum(axis=0), seen.T @ (contrasts.T @ c.right)
     good = size > _WORTH**2

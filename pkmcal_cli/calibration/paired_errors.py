@@ -18,23 +18,27 @@ _DRAWS = 4000
 
 def held_out_squares(
     problem: Problem, selected: tuple[str, ...], start: Array, folds: NDArray[np.intp], columns: list[int]
-) -> Array:
+) -> tuple[Array, tuple[str, ...]]:
     """Squared errors (N,) of some channels in rows that were not fitted; nan where nothing was measured or predicted.
 
-    Each of the `folds` (N,) is predicted from a fit of the others, which begins at `start` (P,).
+    Each of the `folds` (N,) is predicted from a fit of the others, which begins at `start` (P,). Also what became of
+    the fits that failed, one by one.
     """
-    out = np.full(len(problem), np.nan)
+    out, failures = np.full(len(problem), np.nan), list[str]()
     for fold in np.unique(folds):
         inside, outside = np.nonzero(folds == fold)[0], np.nonzero(folds != fold)[0]
         try:
             fit = refit(FitOptions(), problem.take(outside), selected, start)
         except RowsFailed:
+            failures.append("reaches too few rows")
             continue
         part = problem.take(inside)
-        if fit.status == "converged":
+        if not fit.usable:
+            failures.append(fit.status.replace("_", " "))
+        else:
             errors, on = evaluate(part, fit.values).residual[:, columns], part.measured[:, columns]
             out[inside] = np.where(on.any(axis=1), np.where(on, errors**2, 0.0).sum(axis=1), np.nan)
-    return out
+    return out, tuple(failures)
 
 
 @dataclass(frozen=True)

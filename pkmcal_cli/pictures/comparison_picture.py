@@ -18,15 +18,15 @@ _HALVES = 2.0  # half ranges in a range
 
 def comparison_picture(report: ComparisonReport, titles: Titles) -> Picture:
     """Changes of the parameters that all calibrations identified, with 95 % intervals, as shares of their ranges."""
-    compared, changes = report.compared, report.compared.changes
-    scale = dict(zip(compared.common.names, compared.common.scale.tolist(), strict=True))
+    changes, common = report.changes, report.compared.common
+    scale = dict(zip(common.names, common.scale.tolist(), strict=True))
     dots = []
     for name, value, std, known in zip(changes.names, changes.values, changes.std, changes.determined, strict=True):
         unit, size = report.unit(name), _HALVES * scale[name]
         text = uncertain(value / unit.scale, std / unit.scale, unit.text) if known else "undetermined"
         dots.append(Dot(name=name, value=float(value) / size if known else math.nan, text=text,
                         half=_COVERAGE * float(std) / size, good=name not in report.named))  # fmt: skip
-    per = f" per {compared.unit}" if compared.trend else ""
+    per = " per day" if report.compared.course.rate else ""
     label = f"change{per} / range, 95 % interval (open, orange: changed)"
     changed = ", ".join(report.named) or "none"
     alt = f"{report.verdict()}. Changes of {len(dots)} parameters with 95 % intervals; changed: {changed}."

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from pkmcal_cli.base.plural import count
-from pkmcal_cli.calibration.comparison import Alone, Changes, Common, Omnibus, Single, changed
+from pkmcal_cli.calibration.change_course import Course
+from pkmcal_cli.calibration.comparison import Alone, Changes, Estimate, Omnibus, Single, changed, likely_changes
+from pkmcal_cli.calibration.data_sets import Common
 from pkmcal_cli.loading.known_parameters import KnownParameters
 from pkmcal_cli.report.compared_effects import Effect, effects_of, letter
 from pkmcal_cli.report.console import Reporter
@@ -15,14 +17,17 @@ from pkmcal_cli.report.number_format import finite, readable, uncertain
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _LISTED = 12  # names told one by one
+_CLOSE = (
+    "these files were calculated within a day: changes are told from the first to the last, in the order given; for "
+    "changes per day, write the dates of the measurements as `created:` in `provenance:`"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Compared:
     """Tests of what data sets have in common; apart: what is not compared, with the files that have it.
 
-    unit: of the time in which parameters change, "" for two files and for a step; since: the first file after a step,
-    None without one.
+    changes, alone: over the whole course.
     """
 
     common: Common
@@ -30,27 +35,26 @@ class Compared:
     changes: Changes
     alone: Alone | None
     apart: Mapping[str, tuple[int, ...]]
-    unit: str
-    since: int | None = None
-
-    @property
-    def course(self) -> str:
-        """In what changes are, for headings."""
-        return f"change per {self.unit}" if self.unit else "change"
+    course: Course
 
     def named(self, alpha: float) -> tuple[str, ...]:
         """What has changed: parameters by their own tests, or by which one alone explains everything."""
         return changed(self.changes, self.alone, self.test, alpha)
 
-    @property
-    def trend(self) -> bool:
-        """Whether there are dates."""
-        return bool(self.unit)
+    def likely(self, alpha: float) -> Estimate:
+        """What the machine has most likely changed by, ranges of parameters being knowledge of their changes too."""
+        equals = self.alone.equals(self.named(alpha)) if self.test.p_value < alpha and self.alone is not None else ()
+        if equals and equals[0].explains:
+            return equals[0].estimate
+        return likely_changes(self.common, self.changes.names, self.course.times)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ToolChange:
-    """Change of the tool point's position, m: rms, that by chance alone, largest with its uncertainty, and where."""
+    """Change of the tool point's position, m: rms, that by chance alone, largest with its uncertainty, and where.
+
+    alone: the one parameter by which it is computed, None for all.
+    """
 
     rms: float
     rms_by_chance: float
@@ -59,6 +63,7 @@ class ToolChange:
     where: Mapping[str, float]
     count: int
     over: str
+    alone: str | None
 
 
 class ComparisonReport:
@@ -69,6 +74,9 @@ class ComparisonReport:
     ) -> None:
         self.known, self.compared, self.tool, self.alpha = known, compared, tool, alpha
         self.effects = effects_of(known)
+        per = compared.course.days if compared.course.rate else 1.0
+        self.changes = compared.changes.per(per)
+        self.alone = None if compared.alone is None else compared.alone.per(per)
 
     @property
     def unchanged(self) -> bool:
@@ -99,8 +107,10 @@ class ComparisonReport:
         for head, k in zip(heads, self.known, strict=True):
             date = "no date" if k.created is None else f"{k.created:%Y-%m-%d %H:%M}"
             to.say(f"{head}: {k.file}, {date}")
-        change = c.course if c.since is None else f"change from {letter(c.since)} on"
-        if self.compared.changes.names:
+        if not c.course.days and len(self.known) > 2:
+            to.notes([_CLOSE])
+        change = "change per day" if c.course.rate else "change" + self._between(", ")
+        if self.changes.names:
             to.table("Parameters", ("name", *heads, change, "p (Holm)", "remark"), self._parameter_rows())
         if self.effects:
             to.table("Effects", ("effect", *heads, "remark"), [self._effect_row(e) for e in self.effects])
@@ -108,13 +118,13 @@ class ComparisonReport:
         self._show_apart(to)
 
     def _show_alone(self, to: Reporter) -> None:
-        one, names = self.compared.alone, self.named
-        if self.unchanged or not self.compared.test.dof or one is None or (names and set(names).isdisjoint(one.names)):
+        equals = () if self.alone is None else self.alone.equals(self.named)
+        if self.unchanged or not self.compared.test.dof or not equals:
             return
-        equals: list[Single] = sorted((one, *one.rivals), key=lambda r: bool(names) and r.name not in names)
         first, *others = equals
-        if self.compared.since is not None:
-            to.say(f"a step explains it, a trend does not: changed from {letter(self.compared.since)} on")
+        since = self.compared.course.since
+        if since is not None:
+            to.say(f"a step explains it better than a trend: changed from {letter(since)} on")
         if first.explains:
             to.say(f"explained by one parameter alone: {self._single(first)}")
         else:
@@ -125,15 +135,23 @@ class ComparisonReport:
 
     def _single(self, one: Single) -> str:
         """A parameter with the change by which it alone explains what it explains."""
-        unit, per = self.unit(one.name), f" per {self.compared.unit}" if self.compared.trend else ""
+        unit, per = self.unit(one.name), " per day" if self.compared.course.rate else ""
         return f"{one.name} by {uncertain(one.value / unit.scale, one.std / unit.scale, unit.text)}{per}"
+
+    def _between(self, before: str = " from ") -> str:
+        """Between which of more than two files something changes, after a text."""
+        since, times = self.compared.course.since, self.compared.course.times
+        if since is not None:
+            return f" from {letter(since)} on"
+        first, last = times.index(min(times)), times.index(max(times))
+        return f"{before}{letter(first)} to {letter(last)}" if len(times) > 2 else ""
 
     def unit(self, name: str) -> Unit:
         """Display unit of a parameter."""
         return next(k.parameters[name].unit for k in self.known if name in k.parameters)
 
     def _parameter_rows(self) -> list[tuple[str, ...]]:
-        changes, rows = self.compared.changes, list[tuple[str, ...]]()
+        changes, rows = self.changes, list[tuple[str, ...]]()
         for k, name in enumerate(changes.names):
             unit = self.unit(name)
             stated = [f.parameters[name] for f in self.known]
@@ -146,7 +164,7 @@ class ComparisonReport:
 
     def _remark(self, k: int) -> str:
         """What the tests say of a parameter."""
-        changes, one, name = self.compared.changes, self.compared.alone, self.compared.changes.names[k]
+        changes, one, name = self.changes, self.alone, self.changes.names[k]
         by_itself = not self.unchanged and changes.holm[k] < self.alpha
         if name in self.named:
             return "CHANGED" if by_itself else "explains the change"
@@ -166,10 +184,10 @@ class ComparisonReport:
             to.say(f"change of the tool point: not available ({self.tool})")
             return
         t, unit = self.tool, parse_unit("mm")
-        per = f" per {self.compared.unit}" if self.compared.trend else ""
+        alone = f", by {t.alone} alone" if t.alone else ""
         where = ", ".join(f"{axis} = {v / unit.scale:.4g} mm" for axis, v in t.where.items())
         to.say(
-            f"change of the tool point{per} over the {t.over}: {readable(t.rms, unit)} rms "
+            f"change of the tool point{self._between()} over the {t.over}{alone}: {readable(t.rms, unit)} rms "
             f"({readable(t.rms_by_chance, unit)} by chance alone), largest {readable(t.largest, unit)} "
             f"(u {readable(t.std, unit)}) at {where}"
         )
@@ -206,10 +224,10 @@ class ComparisonReport:
                 "p_value": finite(t.p_value),
                 "alpha": self.alpha,
             },
-            "alone": None if c.alone is None else self._alone_json(c.alone),
-            "per": c.unit or None,
-            "since": None if c.since is None else self.known[c.since].file,
-            "parameters": [self._parameter_json(k) for k in range(len(c.changes.names))],
+            "alone": None if self.alone is None else self._alone_json(self.alone),
+            "per": "day" if c.course.rate else None,
+            "since": None if c.course.since is None else self.known[c.course.since].file,
+            "parameters": [self._parameter_json(k) for k in range(len(self.changes.names))],
             "effects": [e.json(len(self.known), self.alpha) for e in self.effects],
             "tool_point": self._tool_json(),
             "apart": [{"name": n, "files": [self.known[i].file for i in w]} for n, w in c.apart.items()],
@@ -230,7 +248,7 @@ class ComparisonReport:
         }
 
     def _parameter_json(self, k: int) -> dict[str, Any]:
-        changes = self.compared.changes
+        changes = self.changes
         name = changes.names[k]
         unit = self.unit(name)
         return {
@@ -259,6 +277,7 @@ class ComparisonReport:
             "at_unit": "mm",
             "count": t.count,
             "over": t.over,
+            "alone": t.alone,
         }
 
 

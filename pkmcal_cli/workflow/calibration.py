@@ -244,7 +244,7 @@ def _after(
     earlier = earlier_calibration(
         problem.model, file, selected, request.select == "auto", request.loosen, start.values
     )
-    notes = (*earlier.known.ending.remarks(file), *(f"note: {text}" for text in earlier.notes))
+    notes = (*earlier.known.ending.remarks(file), *earlier.warnings, *(f"note: {text}" for text in earlier.notes))
     values = earlier.values if request.parameters is None else start.values
     start = replace(start, values=values, inputs=start.inputs | earlier.inputs, warnings=start.warnings + notes)
     return replace(problem, prior=earlier.prior), start, earlier

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +12,9 @@ import numpy as np
 
 from pkmcal_cli.base.errors import BadInput, Location, UsageError
 from pkmcal_cli.base.files import is_stream, sha256
-from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration.comparison import Alone, Common, Omnibus, alone, changes, chosen_by_all, common, omnibus
+from pkmcal_cli.calibration.change_course import Course, likely_course, line_of
+from pkmcal_cli.calibration.comparison import changes, chosen_by_all, omnibus
+from pkmcal_cli.calibration.data_sets import Common, common
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.loading.known_parameters import KnownParameters, known_parameters
 from pkmcal_cli.loading.plain_files import yaml_kind
@@ -30,7 +30,7 @@ from pkmcal_cli.workflow.arguments import present
 from pkmcal_cli.workflow.compare_machines import compare_machines
 from pkmcal_cli.workflow.gates import Figure, Figures, Gate, gates
 from pkmcal_cli.workflow.plots import check_plot, write_plot
-from pkmcal_cli.workflow.run_folder import PARAMETERS, RECORD, changed_since, history, show_history
+from pkmcal_cli.workflow.run_folder import PARAMETERS, RECORD, history, kept_run, show_history
 from pkmcal_cli.workflow.tool_change import tool_change
 
 
@@ -76,8 +76,6 @@ def run_comparison(request: ComparisonRequest) -> int:
         return _machines(request, kinds, limits, to)
     if "table" in kinds:
         raise UsageError("a table is compared by machine files", hint="compare M1.yaml M2.yaml TABLE.csv")
-    if len(kinds) < 2:
-        raise UsageError("there is nothing to compare it with", hint="give two parameter files or more")
     return _parameters(request, kinds, limits, to)
 
 
@@ -123,11 +121,11 @@ def _machines(request: ComparisonRequest, kinds: list[str], limits: Sequence[Gat
         picture = machines_picture(_short(machines), both, report.unit, report.kind, named)
         write_plot(picture, request.plot, request.files, to, force=request.force)
     rms = Figure(f"held-out {report.kind} rms of {machines[1]}", report.errors.second, report.unit, report.kind)
-    gates, missed = _judge(limits, {"heldout": [rms]}, tables[0], to)
+    figures: Figures = {"heldout": [rms] if report.enough else "too few rows are predicted by both"}
+    gates, missed = _judge(limits, figures, tables[0], to)
     if request.as_json:
-        verdict = "one is better" if report.errors.better else "no difference"
-        emit_json(enveloped("compare", verdict, report.json() | {"gates": gates}, _origin(request.files)))
-    return int(missed)
+        emit_json(enveloped("compare", report.verdict, report.json() | {"gates": gates}, _origin(request.files)))
+    return int(missed or not report.enough)
 
 
 def _short(machines: Sequence[str]) -> tuple[str, str]:
@@ -143,12 +141,7 @@ def _origin(files: Sequence[str]) -> dict[str, Any]:
 
 def _parameters(request: ComparisonRequest, kinds: list[str], limits: Sequence[Gate], to: Reporter) -> int:
     """What changed between calibrations."""
-    files = [
-        os.path.join(t, PARAMETERS) if k == "run" else t for t, k in zip(request.files, kinds, strict=True)
-    ]
-    for folder in (t for t, k in zip(request.files, kinds, strict=True) if k == "run"):
-        if changed_since(folder):
-            to.warn(f"warning: {folder}: a result is missing or has been changed since")
+    files = _parameter_files(request.files, kinds, to)
     known = [known_parameters(f) for f in files]
     for k in known:
         if k.data is None:
@@ -160,8 +153,8 @@ def _parameters(request: ComparisonRequest, kinds: list[str], limits: Sequence[G
             raise BadInput.single(message, Location(k.file), hint, "parameters")
     compared = _compared(known)
     change = None
-    if (compared.test.dof and len(known) == 2) or compared.trend or compared.since is not None or limits:
-        change = tool_change(request.machine, files, known, compared.changes, to)
+    if compared.test.dof or limits:
+        change = tool_change(request.machine, files, known, compared.likely(request.alpha), to)
     report = ComparisonReport(known, compared, change, request.alpha)
     for text in _warnings(known):
         to.warn(text)
@@ -170,18 +163,39 @@ def _parameters(request: ComparisonRequest, kinds: list[str], limits: Sequence[G
         machine = next((k.fingerprint.of for k in known if k.fingerprint is not None), "") or "calibrations"
         named = titles(machine, "comparison", files)
         write_plot(comparison_picture(report, named), request.plot, files, to, force=request.force)
-    gates, missed = _judge(limits, {"change": _largest(change)}, files[-1], to)
+    gates, missed = _judge(limits, {"change": _largest(change, report)}, files[-1], to)
     if request.as_json:
         result = report.json()
         emit_json(enveloped("compare", result["verdict"], result | {"gates": gates}, _origin(files)))
     return int(missed or not report.unchanged)
 
 
-def _largest(change: ToolChange | str | None) -> list[Figure] | str:
-    """The largest change of the tool point, or why it is not known."""
+def _parameter_files(names: Sequence[str], kinds: Sequence[str], to: Reporter) -> list[str]:
+    """Parameter files, also those of runs; runs that have none are left out. Raises UsageError where one is left."""
+    out = []
+    for name, kind in zip(names, kinds, strict=True):
+        if kind != "run":
+            out.append(name)
+            continue
+        run = kept_run(name)
+        if not run.intact:
+            to.warn(f"warning: {name}: a result is missing or has been changed since")
+        if PARAMETERS in run.results:
+            out.append(os.path.join(name, PARAMETERS))
+        else:
+            to.notes([f"{name}: a run of `{run.command}` has no parameters, and is left out"])
+    if len(out) < 2:
+        raise UsageError("there is nothing to compare it with", hint="give two parameter files or more")
+    return out
+
+
+def _largest(change: ToolChange | str | None, report: ComparisonReport) -> list[Figure] | str:
+    """The largest change of the tool point, 0 where the test sees none, or why it is not known."""
     if change is None or isinstance(change, str):
         return change or "not known"
-    return [Figure("largest change of the tool point's position", change.largest, parse_unit("um"), "position")]
+    label = "largest change of the tool point's position"
+    size = 0.0 if report.unchanged else change.largest
+    return [Figure(label + " (no change is seen)" * report.unchanged, size, parse_unit("um"), "position")]
 
 
 def _compared(known: Sequence[KnownParameters]) -> Compared:
@@ -190,31 +204,10 @@ def _compared(known: Sequence[KnownParameters]) -> Compared:
     odd = _of_other_kinds(known)
     c = common(data, [k.values for k in known], [_per_campaign(k) | odd for k in known])
     test, contrasts = omnibus(c)
-    times, unit = _times(known)
-    since, single = None, alone(c, contrasts, test, times) if test.dof else None
-    if single is not None and unit and not single.explains:
-        since, times, single = _step(c, contrasts, test, times) or (None, times, single)
+    course, single = likely_course(c, contrasts, test, _line(known)) if test.dof else (_line(known), None)
     chosen = [[n for n, p in k.parameters.items() if np.isfinite(p.std)] for k in known]
-    moved = chosen_by_all(c, chosen)
-    parameter_changes = changes(c, moved, times, test.freedom)
-    return Compared(
-        common=c, test=test, changes=parameter_changes, alone=single, apart=_apart(known, c),
-        unit="" if since is not None else unit, since=since,
-    )  # fmt: skip
-
-
-def _step(
-    c: Common, contrasts: Array, test: Omnibus, times: Sequence[float]
-) -> tuple[int, tuple[float, ...], Alone] | None:
-    """Where a sudden change of one parameter explains all: the number of the first file after it, the step itself (n,),
-    and the parameter; None where none does."""
-    steps = []
-    for first in np.argsort(times)[1:].tolist():
-        step = tuple(float(t >= times[first]) for t in times)
-        single = alone(c, contrasts, test, step)
-        if single is not None and single.explains:
-            steps.append((first, step, single))
-    return max(steps, key=lambda s: s[2].p_left, default=None)
+    moved = changes(c, chosen_by_all(c, chosen), course.times, test.freedom)
+    return Compared(common=c, test=test, changes=moved, alone=single, apart=_apart(known, c), course=course)
 
 
 def _per_campaign(known: KnownParameters) -> set[str]:
@@ -244,17 +237,15 @@ def _apart(known: Sequence[KnownParameters], c: Common) -> dict[str, tuple[int, 
     return {n: where for n, where in lists.items() if n not in c.names}
 
 
-def _times(known: Sequence[KnownParameters]) -> tuple[tuple[float, ...], str]:
-    """When each was made, in days after the first, and "day"; 0, 1 and "" for two, or where dates are not known."""
-    dates = [k.created for k in known]
+def _line(known: Sequence[KnownParameters]) -> Course:
+    """From the first file to the last: by dates where there are more than two. Raises BadInput where one is lacking."""
     if len(known) == 2:
-        return (0.0, 1.0), ""
-    if any(d is None for d in dates) or len(set(dates)) < len(dates):
-        lacking = next((k for k in known if k.created is None), known[0])
-        message = "a trend needs the date of each file; this one has none, or shares it with another"
-        raise BadInput.single(message, Location(lacking.file), "write `created:` in its `provenance:`", "date")
-    first = min(d for d in dates if d is not None)
-    return tuple((d - first) / timedelta(days=1) for d in dates if d is not None), "day"
+        return Course((0.0, 1.0))
+    for k in known:
+        if k.created is None:
+            message = "a trend needs the date of each file; this one has none"
+            raise BadInput.single(message, Location(k.file), "write `created:` in its `provenance:`", "date")
+    return line_of([k.created for k in known if k.created is not None])
 
 
 def _warnings(known: Sequence[KnownParameters]) -> list[str]:

@@ -42,20 +42,45 @@ _GROSS = 1e4  # chi-square per degree of freedom; where less is left, it may be 
 _FOLDS = 5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MachineComparison:
-    """Held-out errors of two machine files, of a kind of readings in a unit; how rows were held out."""
+    """Held-out errors of two machine files, of a kind of readings in a unit; how rows were held out.
+
+    rows: of the table; failures: why some of them are not predicted.
+    """
 
     machines: tuple[str, str]
     kind: str
     unit: Unit
     errors: PairedErrors
     scheme: str
+    rows: int
+    failures: str
+
+    @property
+    def enough(self) -> bool:
+        """Whether the rows that both predict stand for the table."""
+        return 2 * self.errors.count >= self.rows
+
+    @property
+    def better(self) -> str | None:
+        """The machine file that predicts better; None where the rows do not tell."""
+        return self.machines[self.errors.better - 1] if self.errors.better and self.enough else None
+
+    @property
+    def verdict(self) -> str:
+        """For programs."""
+        return "too few rows" if not self.enough else "one is better" if self.better else "no difference"
 
     def show(self, to: Reporter) -> None:
         """For people."""
         f, unit = self.errors, self.unit
-        better = f"{self.machines[f.better - 1]} predicts better" if f.better else "no difference"
+        lost = f"{self.rows - f.count} of {self.rows} rows are not predicted by both{self.failures}"
+        if not self.enough:
+            to.fail(f"NOTHING TO COMPARE: {lost}; `pkmcal calibrate` says more")
+        elif f.count < self.rows:
+            to.warn(f"warning: {lost}")
+        better = f"{self.better} predicts better" if self.better else "no difference" if self.enough else "these rows"
         change, low, high = (readable(x, unit) for x in (f.second - f.first, f.low, f.high))
         to.say(f"{better}: the held-out {self.kind} rms changes by {change}, 95 % interval {low} to {high}")
         rows = [(m, readable(x, unit)) for m, x in zip(self.machines, (f.first, f.second), strict=True)]
@@ -68,13 +93,14 @@ class MachineComparison:
         return {
             "kind": "machines",
             "machines": list(self.machines),
-            "better": self.machines[f.better - 1] if f.better else None,
+            "better": self.better,
             "of": self.kind,
             "rms": [finite(f.first / scale), finite(f.second / scale)],
             "change": {"value": finite((f.second - f.first) / scale), "low": finite(f.low / scale)}
             | {"high": finite(f.high / scale)},
             "unit": self.unit.text,
             "count": f.count,
+            "rows": self.rows,
             "scheme": self.scheme,
         }
 
@@ -97,18 +123,29 @@ def compare_machines(first: str, second: str, tables: tuple[str, ...], to: Repor
         raise BadInput.single("the machines measure nothing of one kind", Location(tables[0]), code="measurements")
     whole = [_whole(name, p, to) for name, p in zip((first, second), problems, strict=True)]
     _check_explained(problems, whole, tables[0])
-    squares = [
+    held = [
         _squares(name, p, fit.selected, k[kind], labels, to)
         for name, p, fit, k in zip((first, second), problems, whole, kinds, strict=True)
     ]
-    errors = paired(squares[0], squares[1], replicate_groups(problems[0]))
+    errors = paired(held[0][0], held[1][0], replicate_groups(problems[0]))
+    failures = _failures((first, second), [f for _, f in held], len(np.unique(labels)))
     if not errors.count:
-        raise BadInput.single("no row can be predicted by both machines", Location(tables[0]), code="measurements")
-    rows = int(problems[0].measured.any(axis=1).sum())
-    if errors.count < rows:
-        to.warn(f"warning: {rows - errors.count} of {rows} rows are not predicted by both")
+        message = f"no row can be predicted by both machines{failures}"
+        raise BadInput.single(message, Location(tables[0]), "`pkmcal calibrate` says more", "measurements")
     dimension = problems[0].model.channels[kinds[0][kind][0]].dimension
-    return MachineComparison((first, second), kind, unit_of(loaded[0].machine, dimension), errors, scheme)
+    return MachineComparison(
+        machines=(first, second), kind=kind, unit=unit_of(loaded[0].machine, dimension), errors=errors, scheme=scheme,
+        rows=int(problems[0].measured.any(axis=1).sum()), failures=failures,
+    )  # fmt: skip
+
+
+def _failures(machines: Sequence[str], failures: Sequence[tuple[str, ...]], folds: int) -> str:
+    """Fits of the other folds that failed, in words; "" for none."""
+    words = [
+        f"{machine}: {len(each)} of {folds} fits without a fold failed ({', '.join(dict.fromkeys(each))})"
+        for machine, each in zip(machines, failures, strict=True) if each
+    ]  # fmt: skip
+    return f" ({'; '.join(words)})" if words else ""
 
 
 def _without_gross_rows(problems: list[Problem], measured: Measurements, to: Reporter) -> list[Problem]:
@@ -177,8 +214,8 @@ def _squares(
     columns: list[int],
     folds: NDArray[np.intp],
     to: Reporter,
-) -> Array:
-    """Squared errors of held-out rows."""
+) -> tuple[Array, tuple[str, ...]]:
+    """Squared errors of held-out rows, and why some are not predicted."""
     with to.step(f"{machine} on held-out rows"):
         return held_out_squares(problem, selected, problem.model.nominal, folds, columns)
 

@@ -25,6 +25,12 @@ OPTION, MAX_RMS = "--fail-above", "--max-rms"
 KINDS = ("heldout", "fitted", "chi2", "std:NAME", "change")
 _EXAMPLE = 'give a kind and a value, such as "heldout 20 um", "fitted 20 um", "chi2 4", "std:l1 5 um" or "change 50 um"'
 
+_REMEDIES = {
+    "heldout": "hold rows out (`--holdout 5`), or limit the error of the fitted ones: `fitted` instead of `heldout`",
+    "std": "measure what determines the parameter (`pkmcal plan --aim`), or select it (`--select`)",
+}
+"""Where a figure is not known."""
+
 
 @dataclass(frozen=True)
 class Figure:
@@ -82,10 +88,13 @@ class Judged:
 
     def fault(self, where: Location | None = None) -> Fault:
         """That it is missed, and where."""
-        value, unit = self.figure.value, self.gate.unit
-        limit = unit.format(self.gate.limit)
-        shown = unit.format(value, 4) if math.isfinite(value) else "unknown"
-        return Fault("above", f"{self.figure.label}: {shown}, above the limit of {limit} ({self.gate.option})", where)
+        gate, figure = self.gate, self.figure
+        limit = gate.unit.format(gate.limit)
+        if math.isfinite(figure.value):
+            value = gate.unit.format(figure.value, 4)
+            return Fault("above", f"{figure.label}: {value}, above the limit of {limit} ({gate.option})", where)
+        remedy, option = _REMEDIES.get(gate.figure.partition(":")[0]), gate.option
+        return Fault("above", f"{figure.label}: unknown, so the limit of {limit} is missed ({option})", where, remedy)
 
     def json(self) -> dict[str, Any]:
         """As the JSON interface has it."""

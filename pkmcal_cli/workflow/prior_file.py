@@ -19,7 +19,7 @@ from pkmcal_cli.units.unit_text import parse_unit
 
 @dataclass(frozen=True, kw_only=True)
 class EarlierCalibration:
-    """A prior of the selected parameters; values (P,) where the fit begins; inputs: sha256 by file; notes.
+    """A prior of the selected parameters; values (P,) where the fit begins; inputs: sha256 by file; notes, warnings.
 
     known: what the file says.
     datum: parameters that the file held as datum: what it says of the others is true only with these as they were.
@@ -31,6 +31,7 @@ class EarlierCalibration:
     values: Array
     inputs: dict[str, str]
     notes: tuple[str, ...]
+    warnings: tuple[str, ...]
     known: KnownParameters
 
 
@@ -69,7 +70,29 @@ def earlier_calibration(
         values=values,
         inputs={known.file: known.sha256},
         notes=(*_notes(model, known, selected, loosened), *_datum_notes(known, datum)),
+        warnings=_foreign(model, known, loosened),
         known=known,
+    )
+
+
+def _foreign(model: Model, known: KnownParameters, loosened: set[str]) -> tuple[str, ...]:
+    """That the file is of another machine, of which few parameters are here or have values that are not of this one."""
+    if known.fingerprint is None or model.fingerprint.difference(known.fingerprint) is None:
+        return ()
+    nominal, ranges = model.by_name(model.nominal), model.by_name(model.ranges)
+    of_machine = [n for n in known.parameters if not n.startswith("frame@")]
+    partners = [n for n in of_machine if n in model.names]
+    far = [
+        n for n in partners
+        if n not in loosened and 0.0 < ranges[n] < abs(known.parameters[n].value - nominal[n])
+    ]  # fmt: skip
+    if 2 * len(partners) >= len(of_machine) and not far:
+        return ()
+    outside = f"; further from nominal here than their range: {', '.join(far)}" if far else ""
+    return (
+        f"warning: prior: {known.file} is of another machine, `{known.fingerprint.of}`: here are {len(partners)} of "
+        f"its {len(of_machine)} parameters{outside}; what has the same name may be something else: give the parameter "
+        "file of this machine, or name what has changed in `--loosen`",
     )
 
 

@@ -148,7 +148,7 @@ def _moved(part: Path, folder: Path, name: str) -> Path:
 
 @dataclass(frozen=True, kw_only=True)
 class KeptRun:
-    """A run as its record tells it; `intact`: whether results are what was written."""
+    """A run as its record tells it; results: names of files; `intact`: whether these are what was written."""
 
     folder: str
     command: str
@@ -157,6 +157,7 @@ class KeptRun:
     verdict: str
     rms: str
     code: int | None
+    results: tuple[str, ...]
     intact: bool
 
     def json(self) -> dict[str, Any]:
@@ -179,15 +180,15 @@ def history(folder: str) -> list[KeptRun]:
         names = sorted(e for e in os.listdir(folder) if not e.startswith("."))
     except OSError as error:
         raise BadInput.single(f"the folder cannot be read: {error.strerror}", Location(folder), code="file") from None
-    runs = [_kept(os.path.join(folder, n)) for n in names if os.path.isfile(os.path.join(folder, n, RECORD))]
+    runs = [kept_run(os.path.join(folder, n)) for n in names if os.path.isfile(os.path.join(folder, n, RECORD))]
     if not runs:
         hint = "keep runs with `--run DIR`, e.g. `pkmcal calibrate M.yaml MEAS.csv --run DIR`"
         raise BadInput.single("there is no run in this folder", Location(folder), hint, "file")
     return sorted(runs, key=lambda r: (r.created, r.folder))
 
 
-def _kept(folder: str) -> KeptRun:
-    """One run. Raises BadInput."""
+def kept_run(folder: str) -> KeptRun:
+    """The run in a folder. Raises BadInput."""
     path = os.path.join(folder, RECORD)
     record = plain_map(path, "the record of a run", "command:")
     results, code = record.get("results"), record.get("exit_code")
@@ -195,6 +196,7 @@ def _kept(folder: str) -> KeptRun:
         folder=folder,
         **{key: str(record.get(key) or "") for key in ("command", "machine", "created", "verdict", "rms")},
         code=code if isinstance(code, int) else None,
+        results=tuple(map(str, results)) if isinstance(results, dict) else (),
         intact=isinstance(results, dict) and all(_same(folder, str(f), str(d)) for f, d in results.items()),
     )
 
@@ -207,11 +209,6 @@ def _same(folder: str, file: str, digest: str) -> bool:
 def _ended(run: KeptRun) -> str:
     """The verdict, and the exit code where it tells of a limit that was missed or of a negative one."""
     return run.verdict + (f" (exit code {run.code})" if run.code else "")
-
-
-def changed_since(folder: str) -> bool:
-    """Whether results of a run are not what it kept. Raises BadInput."""
-    return not _kept(folder).intact
 
 
 def show_history(to: Reporter, runs: list[KeptRun]) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration.comparison import Changes
+from pkmcal_cli.calibration.comparison import Estimate
 from pkmcal_cli.loading.known_parameters import KnownParameters
 from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine
 from pkmcal_cli.loading.workspace_poses import workspace_poses
@@ -27,7 +27,7 @@ _POSES = 200
 
 
 def tool_change(
-    machine: str | None, files: Sequence[str], known: Sequence[KnownParameters], changes: Changes, to: Listener
+    machine: str | None, files: Sequence[str], known: Sequence[KnownParameters], changes: Estimate, to: Listener
 ) -> ToolChange | str:
     """Of the positions of the tool point, or why it cannot be told. Raises BadInput for a machine that was named."""
     loaded = load_machine(machine) if machine is not None else _machine(files, known)
@@ -55,7 +55,7 @@ def tool_change(
     return _change(tool, prediction, changes, names, "workspace" if model.workspace is not None else "measured travel")
 
 
-def _change(tool: Model, prediction: Prediction, changes: Changes, names: list[str], over: str) -> ToolChange:
+def _change(tool: Model, prediction: Prediction, changes: Estimate, names: list[str], over: str) -> ToolChange:
     """By derivatives of positions with respect to parameters `names`, of rows that are predicted."""
     good, columns = prediction.solved, tool.measuring(Measurand.POSITION)
     assert prediction.jacobian is not None
@@ -74,6 +74,7 @@ def _change(tool: Model, prediction: Prediction, changes: Changes, names: list[s
         where={axis: float(v) for axis, v in axes.items()},
         count=int(good.sum()),
         over=over,
+        alone=names[0] if changes.alone else None,
     )
 
 
