@@ -105,7 +105,7 @@ def promised(machine: str, planted: Planted, seed: int) -> float:
     change, columns = setting.change(planted), linear.tested(hypotheses[k])
     direction = np.linalg.lstsq(score.whole, columns.T @ linear.free(change), rcond=1e-9)[0]
     length = float(np.linalg.norm(direction))
-    detection = Detection(linear, here.problem, hypotheses, 0)
+    detection = Detection(linear, here.problem, hypotheses, 0, hypotheses)
     return detection.size(k, direction / length, procedure) / length
 
 
