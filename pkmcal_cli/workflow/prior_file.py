@@ -89,8 +89,8 @@ def _loosened(model: Model, text: str | None) -> set[str]:
     out: set[str] = set()
     patterns = [part.strip() for part in (text or "").split(",") if part.strip()]
     if text is not None and not patterns:
-        hint = "write e.g. `--loosen l3,strut3.*`, or leave it out"
-        raise UsageError(f"--loosen: `{text}` names no parameter", hint=hint)
+        message = f"--loosen: `{text}` names no parameter"
+        raise UsageError(message, hint="write e.g. `--loosen l3,strut3.*`, or leave it out")
     for pattern in patterns:
         matching = {n for n in model.names if fnmatchcase(n, pattern)}
         if not matching:
