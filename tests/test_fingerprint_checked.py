@@ -59,7 +59,7 @@ def test_every_command_refuses_values_of_another_machine(command: str, parameter
     bare, full = parameters
     line = 1 + full.splitlines().index(next(x for x in full.splitlines() if x.startswith("fingerprint: ")))
     improved = full[full.index('{"of": "') + 8 :].partition('"')[0]
-    lacking = f"help: give the machine file that declares `backlash@q3`, `{improved}`; to use the other values, delete "
+    lacking = f"help: give `{improved}`, the machine file that declares `backlash@q3`; to use the other values, delete "
     lacking += "this line and the entries of these effects in `parameters`\n"
     whole = "help: use the machine that they belong to; to accept them anyway, delete this line\n"
     for machine, text, words, remedy in (

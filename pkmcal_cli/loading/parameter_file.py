@@ -154,9 +154,9 @@ def _remedy(machine: Fingerprint, of_file: Fingerprint) -> str:
     if not lacking:
         return "use the machine that they belong to; to accept them anyway, delete this line"
     effects = ", ".join(lacking[:_LISTED]) + (" ..." if len(lacking) > _LISTED else "")
-    named = "" if of_file.of in ("", machine.of) else f", `{of_file.of}`"
+    named = "" if of_file.of in ("", machine.of) else f"`{of_file.of}`, "
     others = "to use the other values, delete this line and the entries of these effects in `parameters`"
-    return f"give the machine file that declares {effects}{named}; {others}"
+    return f"give {named}the machine file that declares {effects}; {others}"
 
 
 def _of_a_session(name: str, parameters: Sequence[ModelParameter]) -> bool:

@@ -15,7 +15,7 @@ from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.report.added_points import Reached
 from pkmcal_cli.units.unit_text import parse_unit
-from pkmcal_cli.workflow.amounts import amount, require_unit
+from pkmcal_cli.workflow.amounts import amount, require_unit, small_example
 from pkmcal_cli.workflow.named_effects import like_effect
 
 OPTION = "--aim"
@@ -76,7 +76,7 @@ def _reached(name: str, value: str, model: Model, selected: tuple[str, ...]) -> 
     require_unit(OPTION, f"{name} {value}", unit, parameter_unit)
     if unit.dimension != parameter_unit.dimension or limit <= 0:
         raise UsageError(
-            f"{OPTION}: `{value}` is not an uncertainty of `{name}`", hint=f"write e.g. 5 {parameter_unit.text}"
+            f"{OPTION}: `{value}` is not an uncertainty of `{name}`", hint=f"write e.g. {small_example(parameter_unit)}"
         )
     return RequestedAim(Aim("determine", (_selected([name], selected),)), (), limit)
 
