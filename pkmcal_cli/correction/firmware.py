@@ -29,8 +29,11 @@ _OTHER = 1e-3  # of the machine's size: a formula that misses more is that of an
 _PRIOR = 1e-4  # what a constant that is off by its step costs, in errors of one target, m per m
 
 
+FEWEST_LINES, MOST_LINES = 3, 26
+"""Steppers of Klipper's winch."""
+_LINES = f"{FEWEST_LINES} to {MOST_LINES} lines"
 _FITTING = {
-    "klipper": "Klipper has constants of linear deltas (`kinematics: delta`) and of tools on 3 to 26 lines (`winch`)",
+    "klipper": f"Klipper has constants of linear deltas (`kinematics: delta`) and of tools on {_LINES} (`winch`)",
     "reprapfirmware": "RepRapFirmware has constants of linear deltas and of Hangprinters",
 }
 

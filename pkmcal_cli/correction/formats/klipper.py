@@ -10,7 +10,7 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.commanded_machine import CommandedMachine
 from pkmcal_cli.correction.export_case import Draft, ExportCase, Format
-from pkmcal_cli.correction.firmware import check_without_turns, other_machines
+from pkmcal_cli.correction.firmware import FEWEST_LINES, MOST_LINES, check_without_turns, other_machines
 from pkmcal_cli.correction.line_drives import HOMED, LineMotors, line_constants, line_gains
 from pkmcal_cli.correction.linear_delta import TOWERS, DeltaConstants, check_delta, fitted_delta
 from pkmcal_cli.loading.load_machine import LoadedMachine
@@ -19,7 +19,6 @@ _DIGITS = 6  # of mm and deg, as Klipper saves them
 _MM = 1e-3
 _LEAST = 1e-6  # mm or deg: less is rounding
 _KEYWORD = "klipper"
-_LEAST_STEPPERS, _MOST_STEPPERS = 3, 26
 
 
 def _rounded(values: Array, unit: float = 1.0) -> Array:
@@ -107,9 +106,9 @@ def _check(machine: CommandedMachine) -> None:
     if not _has_lines(machine.loaded):
         check_delta(machine, _KEYWORD)
         return
-    if not _LEAST_STEPPERS <= machine.count <= _MOST_STEPPERS:
-        most = f"{_LEAST_STEPPERS} to {_MOST_STEPPERS} steppers"
-        message = f"Klipper's winch has {most}, this machine {machine.count} drives"
+    if not FEWEST_LINES <= machine.count <= MOST_LINES:
+        steppers = f"{FEWEST_LINES} to {MOST_LINES} steppers"
+        message = f"Klipper's winch has {steppers}, this machine {machine.count} drives"
         raise machine.refuse(_KEYWORD, message, other_machines(machine, _KEYWORD))
     check_without_turns(machine, _KEYWORD)
 

@@ -14,7 +14,7 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.commanded_machine import CommandedMachine
 from pkmcal_cli.correction.export_case import Draft, ExportCase, Format
-from pkmcal_cli.correction.firmware import check_without_turns
+from pkmcal_cli.correction.firmware import FEWEST_LINES, MOST_LINES, check_without_turns
 from pkmcal_cli.correction.line_drives import HOMED, LineConstants, LineMotors, line_constants, line_gains, ways
 from pkmcal_cli.correction.linear_delta import DeltaConstants, check_delta, fitted_delta
 from pkmcal_cli.loading.load_machine import LoadedMachine
@@ -180,7 +180,8 @@ def _check(machine: CommandedMachine) -> None:
     least, most = len(_ANCHORS) - 1, len(_ANCHORS)
     if not least <= machine.count <= most:
         message = f"the Hangprinter has {least} or {most} anchors, this machine {machine.count} drives"
-        raise machine.refuse(_KEYWORD, message, f"use `--as klipper`, or {machine.other_forms}")
+        winch = "`--as klipper`, or " if FEWEST_LINES <= machine.count <= MOST_LINES else ""
+        raise machine.refuse(_KEYWORD, message, f"use {winch}{machine.other_forms}")
     for name, about in machine.loaded.machine.actuators.items():
         if about.winds is None or about.radius is None:
             hint = "the Hangprinter winds lines on spools; give the drive a `radius`, or use `--as klipper`"
