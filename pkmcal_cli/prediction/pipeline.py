@@ -141,7 +141,7 @@ def fixed_smoothing(model: Model, values: Array, rows: Rows, start: WarmStart | 
     if not some:
         return model
     base = BaseCoefficients.of(model, values, rows)
-    earlier = _earlier_pass(model, base, rows, some, None, displacements(model, values, rows, (), None), start)
+    earlier = _earlier_pass(model, base, rows, some, None, displacements(model, values, rows, (), None), start=start)
     size = dict(zip(earlier.places, np.sqrt(np.nanmean(earlier.values**2, axis=0)), strict=True))
     fixed = {e.name: max(_SMOOTHED * max(float(size[s.place]) for s in e.sites), _LEAST_FORCE) for e in some}
     effects = tuple(
