@@ -147,6 +147,8 @@ def test_targets_outside_of_what_was_measured_are_told() -> None:
     assert (seen["q1"]["low"], seen["q1"]["high"]) == pytest.approx((q.min(), q.max()))
     done = run("correct", SCISSORS, "--grid", "x=0:0:1,y=0:320:2", "-p", p, "-o", "c.csv", "--json")
     assert done.json["outside"]["q1"] == 1 and "warning: outside the measured range of q1: 1 of 2 targets" in done.err
+    beyond = done.json["outside_values"]["q1"]
+    assert beyond["high"] == seen["q1"]["high"] and f"farthest {beyond['value']:.6g} mm" in done.err
     assert table("c.csv").texts["remarks"][0] == "" and "q1" in table("c.csv").texts["remarks"][1]
 
 

@@ -40,7 +40,7 @@ NAMED = {
     "loads.slack.ropes": "ROPE", "uncertainty.noise": "INSTRUMENT", "uncertainty.ranges.factors": "KIND",
     "uncertainty.overstated": "CHANNEL",
     "constants": "NAME", "errors": "KIND", "not_held": "COORDINATE", "export.remaining": "KIND", "outside": "COLUMN",
-    "unexplained": "KIND",
+    "outside_values": "COLUMN", "unexplained": "KIND",
     "effects[].far_off": "NAME", "effects[].worst.direction": "NAME", "detectable[].worst.direction": "NAME",
     "invisible[].worst.direction": "NAME", "undetermined[].parameters": "NAME",
     "undetermined[].determined[].coefficients": "NAME", "tool_point.at": "AXIS",

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.diagnosis.detection import Detection
+from pkmcal_cli.report.added_points import Reached
 from tests.command import HANGPRINTER, HANGPRINTER_DATA, MACHINES, SCISSORS, SHOPFLOOR, Done, clean, column, run
 from tests.in_ci import in_ci
 from tests.support import model
@@ -105,6 +106,14 @@ def test_points_improve_their_figure_within_the_limits(aimed: str, kind: str) ->
     text = "\n".join(f"{p['q1']},{p['q2']},{p['q3']},{p['q4']}" for p in points)
     reached = clean(run("simulate", SCISSORS, "-", stdin=f"q1,q2,q3,q4\n{text}\n"))
     assert reached.code == 0, "the machine takes every one of them"
+
+
+def test_more_points_are_advised_only_where_they_help() -> None:
+    """Nothing is strained at nominal dimensions, so no pose tells of a stiffness."""
+    done = planned("--select", "auto,k1", "--aim", "k1 1 kN/mm", "--points", "2")
+    assert not done.json["aim"]["reached"] and "more points hardly help, only other measurements" in done.err
+    for after, helps in ((1.9, True), (1.9999, False), (2.0, False)):  # best points first, up to 400 of them
+        assert Reached("l1", limit=1.0, before=2.0, after=after).within_reach(6) == helps
 
 
 def limits() -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
@@ -222,7 +231,11 @@ def test_force_controlled_drives_are_no_set_values(tmp_path: Path) -> None:
         (["--aim", "drift"], 2, "column `time`"),
         (["--aim", "separate:backlash@q1"], 2, "--aim separate:backlash@q1,drift"),
         (["--aim", "separate:backlash@q1,backlash@q1"], 2, "two different effects"),
-        (["--aim", "l3 5 K"], 2, "is not an uncertainty of `l3`"),
+        (["--aim", "l3 5 K"], 2, "is not an uncertainty of `l3`\nhelp: write e.g. 20 um"),
+        (["--select", ""], 2, "which `check` lists"),
+        (["--aim", "l3 60"], 2, 'with its unit, for example "20 um"'),
+        (["--aim", ""], 2, "write `uncertainty`"),
+        (["--aim", " , "], 2, "write `uncertainty`"),
         (["--aim", "l3 -5 um"], 2, "is not an uncertainty of `l3`"),
         (["--aim", "l33 5 um"], 2, "did you mean `l3`?"),
         (["--aim", "l1"], 2, "--select auto,l1"),
@@ -242,6 +255,8 @@ def test_an_effect_without_a_place_is_told_its_places() -> None:
     assert done.code == 2 and len(places) > 4
     told = done.err[done.err.index("help: name one of ") :]
     assert sorted(re.findall(r"[\w.]+@[\w.]+", told)) == sorted(places)
+    other = clean(run("plan", SCISSORS, *GRID, "--aim", "backlash@q9")).err
+    assert other.endswith(told), "no place is nearer to q9 than another"
 
 
 def test_existing_files_and_nothing_to_plan(tmp_path: Path) -> None:

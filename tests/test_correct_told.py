@@ -66,3 +66,34 @@ def test_noise_alone_leaves_nothing_unexplained(tmp_path: Path) -> None:
         assert done.code == 0
         said += "  position: {std" in (tmp_path / "p.yaml").read_text()
     assert said <= 2
+
+
+def test_columns_on_which_nothing_depends_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As `--at` tells it; time counts where a part lags behind its temperature."""
+    monkeypatch.chdir(tmp_path)
+    Path("m.yaml").write_text(f"extends: {SCISSORS}\neffects: {{thermal_strut@all: {{a: 9 um/(m*K), lag: 20 min}}}}\n")
+    Path("t.csv").write_text("id,session,x,y,T,time [s],payload [kg]\na,mon,0,0,25,0,15\n")
+    done = run("correct", "m.yaml", "t.csv", "-o", "c.csv", "--json")
+    assert "note: t.csv: `payload` changes nothing: no effect" in done.err
+    assert done.json["without_effect"] == ["payload"]
+    lagging = run("correct", "m.yaml", "--grid", "2", "--at", "T=26,time=0", "-o", "d.csv", "--json")
+    assert "changes nothing" not in lagging.err and lagging.json["without_effect"] == []
+    plain = run("correct", SCISSORS, "t.csv", "-o", "e.csv", "--json")
+    assert "t.csv: `T`, `time`, `payload` change nothing" in plain.err
+
+
+@pytest.mark.parametrize(
+    ("at", "value", "far"),
+    [("299", 299.0, True), ("26 K", -247.15, True), ("26", 26.0, False), ("24 degC", 24.0, False)],
+)
+def test_a_temperature_in_another_unit_is_told(
+    at: str, value: float, far: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As it was understood, beside the measured range."""
+    monkeypatch.chdir(tmp_path)
+    Path("p.yaml").write_text("parameters: {}\nmeasured: {T: {low: 20.5, high: 23.9, unit: degC}}\n")
+    done = run("correct", SCISSORS, "--grid", "2", "--at", f"T={at}", "-p", "p.yaml", "-o", "c.csv", "--json")
+    assert f"farthest {value:g} degC, measured 20.5 to 23.9 degC" in done.err
+    assert (f"warning: `T` is understood as {value:g} degC" in done.err) == far
+    beyond = done.json["outside_values"]["T"]
+    assert beyond["far"] == far and beyond["value"] == pytest.approx(value)

@@ -39,6 +39,23 @@ actuators: {"q{i}": {each: {i: [1, 2]}, turns: "arm{i}"}, q3: {turns: arm3, redu
 sensors: {camera: {at: tip, reads: [x, y], sigma: 3 um, frame: machine}}
 tool_point: tip
 """
+TWO_LINES = """
+units: {length: mm, angle: deg}
+space: planar
+gravity: [0, -9.81]
+ground: {A: [0, 1000], B: [1000, 1000]}
+nodes: {tip: {at: [500, 500], mass: 2 kg}}
+ropes: {"line{i}": {each: {i: [A, B]}, between: ["{i}", tip], EA: 20 kN}}
+actuators: {"q{i}": {each: {i: [A, B]}, winds: "line{i}"}}
+sensors: {camera: {at: tip, reads: [x, y], sigma: 3 um, frame: machine}}
+tool_point: tip
+"""
+FOUR_CRANKS = (
+    CRANKS.replace("O3: [", "O4: [600, 320], O3: [")
+    .replace("\njoints", "\n  arm4: {at: [600, 320], turn: 166.33, points: {E4: [200, 0]}}\njoints")
+    .replace("[1, 2, 3]", "[1, 2, 3, 4]")
+    .replace("q3: {turns: arm3", "q4: {turns: arm4, redundant: true}, q3: {turns: arm3")
+)
 
 
 @pytest.fixture(autouse=True)
@@ -91,6 +108,33 @@ def test_a_machine_that_is_none_of_the_firmware_is_told_which_are() -> None:
     Path("cranks.yaml").write_text(CRANKS)
     done = run("correct", "cranks.yaml", "--grid", "x=120:180:3,y=290:350:3", "--as", "klipper", "-o", "out.txt")
     assert "this machine is no linear delta" in done.err and "switch" not in done.err
+
+
+@pytest.mark.parametrize("keyword", ["klipper", "reprapfirmware", "gcode", "gcode-drives", "gcode-printer"])
+def test_what_is_advised_is_possible(keyword: str) -> None:
+    """Four cranks have no program, which is told before the work; tables of single drives do."""
+    Path("cranks.yaml").write_text(FOUR_CRANKS)
+    grid = ("--grid", "x=120:180:3,y=290:350:3")
+    done = run("correct", "cranks.yaml", *grid, "--as", keyword, "-o", "out.txt")
+    assert done.code == 3 and done.err.startswith("cranks.yaml: error[format]"), "nothing is shown before"
+    remedy = done.err[done.err.index("help: ") :]
+    assert "without `--as`" in remedy and "gcode-drives" not in remedy
+    for advised in ("linuxcnc", "beckhoff", "csv"):
+        assert f"`{advised}`" in remedy or f"`--as {advised}`" in remedy
+        assert run("correct", "cranks.yaml", *grid, "--as", advised, "-o", f"{advised}.csv").code == 0
+    if keyword == "gcode-drives":
+        assert "4 rotary drives, but G-code has 3 words for rotary axes (A B C)" in done.err
+        planned = run("plan", "cranks.yaml", *grid, "--as", "gcode", "-o", "out.ngc")
+        assert planned.code == 3 and planned.err.startswith("cranks.yaml: error[format]: --as gcode: 4 rotary drives")
+
+
+def test_of_two_firmwares_neither_advises_one_that_refuses() -> None:
+    """Two lines are too few for either."""
+    Path("lines.yaml").write_text(TWO_LINES)
+    for keyword in ("klipper", "reprapfirmware"):
+        done = run("correct", "lines.yaml", "--grid", "x=400:600:2,y=400:500:2", "--as", keyword, "-o", "out.txt")
+        assert done.code == 3 and "this machine 2 drives" in done.err
+        assert "`--as klipper`" not in done.err and "`--as gcode-drives`" in done.err
 
 
 @pytest.mark.parametrize(

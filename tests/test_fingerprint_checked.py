@@ -58,15 +58,31 @@ def test_every_command_refuses_values_of_another_machine(command: str, parameter
     Path("effect.yaml").write_text(EFFECT)
     bare, full = parameters
     line = 1 + full.splitlines().index(next(x for x in full.splitlines() if x.startswith("fingerprint: ")))
-    for machine, text, words in (
-        (Path("effect.yaml"), bare, f"`{TRIGLIDE}`; `effect.yaml` differs (additional: effect `backlash@q3`)\n"),
-        (TRIGLIDE, full, f"effect.yaml`; `{TRIGLIDE}` differs (missing: effect `backlash@q3`)\n"),
+    improved = full[full.index('{"of": "') + 8 :].partition('"')[0]
+    lacking = f"help: give `{improved}`, the machine file that declares `backlash@q3`; to use the other values, delete "
+    lacking += "this line and the entries of these effects in `parameters`\n"
+    whole = "help: use the machine that they belong to; to accept them anyway, delete this line\n"
+    for machine, text, words, remedy in (
+        (Path("effect.yaml"), bare, f"`{TRIGLIDE}`; `effect.yaml` differs (additional: effect `backlash@q3`)\n", whole),
+        (TRIGLIDE, full, f"effect.yaml`; `{TRIGLIDE}` differs (missing: effect `backlash@q3`)\n", lacking),
     ):
         done = taken(command, machine, text)
         assert done.code == 3 and done.out == "" and done.err.count("error[") == 1
         assert "error[fingerprint]: these values belong to another machine, " in done.err and words in done.err
-        assert done.err.endswith("machine that they belong to; to accept them anyway, delete this line\n")
+        assert done.err.endswith(remedy)
     assert f"p.yaml:{line}:1: " in done.err
+
+
+def test_values_of_effects_without_a_fingerprint(parameters: tuple[str, str]) -> None:
+    """They name the machine file that has them; correlations that are not whole are not passed over in silence."""
+    text = without(parameters[1])
+    done = taken("sensitivity", TRIGLIDE, text)
+    assert done.code == 3 and "help: give the machine file with the effect `backlash@q3`, as `" in done.err
+    assert "effect.yaml`, of which these values are; to use the other values" in done.err
+    kept = [line for line in text.splitlines(keepends=True) if "backlash@q3.b" not in line]  # `names` too
+    spoilt = taken("sensitivity", TRIGLIDE, "".join(kept))
+    assert spoilt.code == 0 and "the uncertainties in this file are not used" in spoilt.err
+    assert "are not used" not in taken("sensitivity", TRIGLIDE, parameters[0]).err
 
 
 @pytest.mark.parametrize("command", TAKING)

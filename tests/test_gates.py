@@ -90,6 +90,7 @@ def test_a_limit_that_cannot_be_judged_is_missed() -> None:
         ("heldout -20 um", "is negative"),
         ("std 5 um", 'such as "heldout 20 um"'),
         ("std:l9 5 um", "`check` lists all"),
+        ("std:l1 5", "`std:l1 5` has no unit"),
         ("std:l1 5 N", "`l1` is not measured in N"),
         ("change:position 5 um", 'such as "heldout 20 um"'),
         ("fitted nan um", "--fail-above"),

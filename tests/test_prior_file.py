@@ -108,6 +108,7 @@ def test_a_prior_of_another_machine_is_told(folder: Path) -> None:
     [
         (["--loosen", "l1"], 2, "--loosen needs a prior"),
         (["--prior", "old.yaml", "--loosen", "m*"], 2, "no parameter `m*`"),
+        (["--prior", "old.yaml", "--loosen", ","], 2, "names no parameter"),
         (["--prior", "none.yaml"], 3, "No such file"),
         (["--prior", "rangse"], 2, "not a valid value"),
         (["--prior", "plain.yaml"], 3, "no complete `correlations`"),

@@ -141,7 +141,10 @@ def test_an_input_that_changes_meanwhile_is_not_kept(folder: Path, monkeypatch: 
 
 @pytest.mark.parametrize(
     ("where", "code", "told"),
-    [("rows.csv", 4, "not a folder"), ("-", 2, "no folder"), ("new/deep", 0, ""), ("rows.csv/x", 4, "not a folder")],
+    [
+        *[(name, 4, "not a folder") for name in ("rows.csv", "rows.csv/x")],
+        ("", 4, "is empty"), ("-", 2, "no folder"), ("new/deep", 0, ""),
+    ],
 )
 def test_where_runs_are_kept(folder: Path, where: str, code: int, told: str) -> None:
     done = run("calibrate", "mine.yaml", "rows.csv", "--holdout", "none", "--run", where)

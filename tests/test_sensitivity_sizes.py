@@ -68,6 +68,8 @@ def test_shifts_by_position_have_the_mean_that_is_told(tmp_path: Path) -> None:
         (("--size", "0 um"), "not above zero"),
         (("--size", "3 K"), "K does not fit any parameter"),
         (("--size", "l9=3 um"), "no selected parameter `l9`"),
+        (("--size", "l1=30"), '`l1=30` has no unit\nhelp: give it with its unit, for example "20 um"'),
+        (("--size", ""), "not a number with a unit"),
         (("--size", "l*=3 N"), "N does not fit `l1`"),
         (("--size", "many"), "--size"),
         (("--channel", "z"), "no coordinate `z`"),

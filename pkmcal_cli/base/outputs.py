@@ -69,6 +69,8 @@ def _check_folder(folder: Path) -> None:
 
 def check_folder(folder: str) -> None:
     """Find out before the work whether a folder is there or could be made. Raises OutputError."""
+    if not folder.strip():
+        raise OutputError("the name of the folder is empty", hint="name a folder; this one is `.`")
     with _output_errors(folder):
         path = Path(folder)
         _check_name(path)

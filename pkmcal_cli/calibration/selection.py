@@ -9,6 +9,7 @@ from pkmcal_cli.effects.unexplained import UNEXPLAINED
 from pkmcal_cli.model.model import Model
 
 _WORDS = ("auto", "all")
+_EXAMPLE = "name parameters of the machine file, which `check` lists, or write `auto` or `all`"
 
 
 def select(model: Model, text: str, option: str = "--select") -> tuple[str, ...]:
@@ -31,7 +32,7 @@ def select(model: Model, text: str, option: str = "--select") -> tuple[str, ...]
         if matching is None:
             raise UsageError(
                 f"{option}: the machine has no parameter `{pattern}`",
-                hint=did_you_mean(pattern, [*model.names, "auto", "all"]),
+                hint=did_you_mean(pattern, [*model.names, *_WORDS], _EXAMPLE),
             )
         chosen = chosen - matching if remove else chosen | matching
         if not remove and pattern not in _WORDS:

@@ -9,9 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pkmcal_cli.base.errors import BadInput, Location
+from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.assessment import Assessment
+from pkmcal_cli.correction.commanded_machine import CommandedMachine
 from pkmcal_cli.correction.commands import Correction, depends_on_sides
 from pkmcal_cli.correction.redundancy import Choice
 from pkmcal_cli.correction.strained_pose import LoadedTool, StrainedPose, held_drives
@@ -19,7 +20,6 @@ from pkmcal_cli.loading.covariates import with_directions
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.mechanism.topology import Index
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
@@ -174,13 +174,13 @@ class ExportCase:
         return len(self.drives) > len(self.made.aim.held)
 
     @property
-    def turned(self) -> tuple[str, ...]:
-        """Coordinates held that are angles."""
-        return tuple(c for c in self.made.aim.held if c in DIRECTIONS[3:])
+    def machine(self) -> CommandedMachine:
+        """What was known before the correction."""
+        return CommandedMachine(self.loaded, self.made.aim.held)
 
     def refuse(self, keyword: str, message: str, hint: str) -> BadInput:
-        """The error of a format that cannot hold this machine."""
-        return BadInput.single(f"--as {keyword}: {message}", Location(self.model.name), hint, "format")
+        """The error of a format that cannot hold this correction."""
+        return self.machine.refuse(keyword, message, hint)
 
 
 @dataclass(frozen=True)
@@ -216,7 +216,8 @@ class Format:
     """A form of what a control takes.
 
     keyword: what `--as` says; title: what it is; sources: addresses of its public specification; suffix: of its files;
-    parts: whether it writes a file for every drive; draft: makes it.
+    parts: whether it writes a file for every drive; draft: makes it; check: raises BadInput for a machine that no draft
+    can hold, whatever is corrected.
     """
 
     keyword: str
@@ -225,3 +226,4 @@ class Format:
     suffix: str
     draft: Callable[[ExportCase], Draft]
     parts: bool = False
+    check: Callable[[CommandedMachine], None] = lambda _: None

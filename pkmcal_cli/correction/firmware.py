@@ -15,6 +15,7 @@ from scipy.optimize import least_squares
 
 from pkmcal_cli.base.even_points import even_points
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.correction.commanded_machine import CommandedMachine
 from pkmcal_cli.correction.export_case import ExportCase
 from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.prediction.inverse_kinematics import drive_positions
@@ -28,16 +29,25 @@ _OTHER = 1e-3  # of the machine's size: a formula that misses more is that of an
 _PRIOR = 1e-4  # what a constant that is off by its step costs, in errors of one target, m per m
 
 
+FEWEST_LINES, MOST_LINES = 3, 26
+"""Steppers of Klipper's winch."""
+_LINES = f"{FEWEST_LINES} to {MOST_LINES} lines"
 _FITTING = {
-    "klipper": "Klipper has constants of linear deltas (`kinematics: delta`) and of tools on 3 to 26 lines (`winch`)",
+    "klipper": f"Klipper has constants of linear deltas (`kinematics: delta`) and of tools on {_LINES} (`winch`)",
     "reprapfirmware": "RepRapFirmware has constants of linear deltas and of Hangprinters",
 }
 
 
-def other_machines(keyword: str) -> str:
-    """Which machines a firmware has constants of, and what others use."""
-    others = "for other machines use `--as gcode-drives`, or tables of single drives (`linuxcnc`, `beckhoff`, `csv`)"
-    return f"{_FITTING[keyword]}; {others}"
+def other_machines(machine: CommandedMachine, keyword: str) -> str:
+    """Which machines a firmware has constants of, and what this one uses."""
+    return f"{_FITTING[keyword]}; for this machine use {machine.other_forms}"
+
+
+def check_without_turns(machine: CommandedMachine, keyword: str) -> None:
+    """Raises BadInput where the tool point does not move by x, y, z alone."""
+    if machine.turned:
+        message = f"the tool point turns ({', '.join(machine.turned)}), and the firmware has no orientations"
+        raise machine.refuse(keyword, message, other_machines(machine, keyword))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,11 +59,8 @@ class Nominal:
 
 
 def nominal_machine(case: ExportCase, keyword: str) -> Nominal:
-    """Positions around the targets. Raises BadInput where the tool point does not move by x, y, z alone."""
+    """Positions around the targets. Raises BadInput where it reaches hardly any."""
     held = case.made.aim.held
-    if case.turned:
-        message = f"the tool point turns ({', '.join(case.turned)}), and the firmware has no orientations"
-        raise case.refuse(keyword, message, other_machines(keyword))
     columns = [DIRECTIONS.index(c) for c in held]
     low, high = case.poses[:, columns].min(axis=0), case.poses[:, columns].max(axis=0)
     wide = np.maximum(0.5 * (high - low), _WIDE * case.model.length)
@@ -74,7 +81,7 @@ def recognised(case: ExportCase, keyword: str, kind: str, formula: Formula, star
     def missed(constants: Array) -> Array:
         return np.asarray(((formula(constants, nominal.positions) - nominal.readings) * gains).ravel())
 
-    hint = other_machines(keyword)
+    hint = other_machines(case.machine, keyword)
     if not np.isfinite(start).all() or not np.isfinite(missed(start)).all():
         raise case.refuse(keyword, f"this machine is no {kind}", hint)
     optimum = least_squares(missed, start, x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15)

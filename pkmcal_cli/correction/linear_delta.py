@@ -15,8 +15,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.correction.commanded_machine import CommandedMachine
 from pkmcal_cli.correction.export_case import ExportCase
-from pkmcal_cli.correction.firmware import AimedReadings, Nominal, fitted, nominal_machine, other_machines, recognised
+from pkmcal_cli.correction.firmware import (
+    AimedReadings,
+    Nominal,
+    check_without_turns,
+    fitted,
+    nominal_machine,
+    other_machines,
+    recognised,
+)
 
 TOWERS = 3
 
@@ -71,10 +80,16 @@ class FittedDelta:
     u: DeltaConstants
 
 
+def check_delta(machine: CommandedMachine, keyword: str) -> None:
+    """Raises BadInput where the machine has other drives than a linear delta."""
+    if machine.count != TOWERS or len(machine.drives) != TOWERS:
+        message = f"this machine is no linear delta of {TOWERS} towers"
+        raise machine.refuse(keyword, message, other_machines(machine, keyword))
+    check_without_turns(machine, keyword)
+
+
 def fitted_delta(case: ExportCase, keyword: str, tilted: bool) -> FittedDelta:
     """A delta for a firmware. Raises BadInput where the machine is no linear delta, or its switches are unknown."""
-    if len(case.model.actuators) != TOWERS or len(case.drives) != TOWERS:
-        raise case.refuse(keyword, f"this machine is no linear delta of {TOWERS} towers", other_machines(keyword))
     nominal = nominal_machine(case, keyword)
     signs, start = _start(nominal, tilted)
     ends = _ends(case, signs)

@@ -32,6 +32,7 @@ class FaultLog:
         self.file, self.separator = file, separator
         self.faults: list[Fault] = []
         self.total = 0
+        self.conclusion: Fault | None = None
 
     def add(self, flaw: Flaw, source: str | None = None) -> None:
         """Take a flaw; `source` is the text of its line."""
@@ -44,11 +45,16 @@ class FaultLog:
         where = Location(self.file, flaw.line or 1, column)
         self.faults.append(Fault(flaw.code, flaw.message, where, flaw.hint, source))
 
+    def conclude(self, flaw: Flaw) -> None:
+        """Take what all faults together suggest: told last."""
+        self.conclusion = Fault(flaw.code, flaw.message, Location(self.file, flaw.line or 1), flaw.hint)
+
     def raise_if_any(self) -> None:
         """Raise BadInput with the faults, if there are any."""
         if self.faults:
             by_place = sorted(self.faults, key=lambda fault: fault.where or Location(self.file, 0))
-            raise BadInput(by_place, self.total)
+            last = [] if self.conclusion is None else [self.conclusion]
+            raise BadInput([*by_place, *last], self.total + len(last))
 
 
 @dataclass(frozen=True)

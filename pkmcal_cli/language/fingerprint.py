@@ -65,6 +65,11 @@ class Fingerprint:
         shown = "".join(c if c.isprintable() else "?" for c in self.of)
         return json.dumps({_OF: shown, **self.entries}, ensure_ascii=False)
 
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Effects that the machine file declares."""
+        return tuple(self.entries.get("effects", {}))
+
     def difference(self, other: Fingerprint) -> str | None:
         """What this machine has, lacks and has otherwise than the other, in words; None where they are alike."""
         entries, others = dict(self._flat()), dict(other._flat())

@@ -115,7 +115,7 @@ def without_effect(model: Model, columns: Collection[str]) -> list[str]:
     """Which of some columns no declared effect depends on."""
     needs = {need for e in model.effects if e.sites for need in e.effect.needs}
     needed = {"direction": "dir", **{need: column for need, (column, _, _) in _REST.items()}}
-    acting = {needed[need] for need in needs if need in needed}
+    acting = {needed[need] for need in needs if need in needed} | ({"time"} if lagging(model) else set())
     return [name for name in columns if name.partition(".")[0] not in acting]
 
 

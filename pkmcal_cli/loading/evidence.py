@@ -60,17 +60,19 @@ def read_evidence(root: SourceNode) -> Evidence | None:
     measured, left = root.child(MEASURED), root.child(UNEXPLAINED)
     if measured is None:
         return None
-    ranges: dict[str, tuple[float, float]] = {}
+    ranges, units = dict[str, tuple[float, float]](), dict[str, str]()
     for name, entry in _map(measured).items():
         low, high = (_number(entry, end) for end in ("low", "high"))
         if low is not None and high is not None:
             ranges[name] = (low, high)
+            units |= {name: str(entry["unit"])} if isinstance(entry, dict) and "unit" in entry else {}
     plain = {} if left is None else _map(left)
     stds = {kind: _number(entry, "std") for kind, entry in plain.items() if isinstance(entry, dict)}
     times = plain.get("times_noise", 1.0)
     return Evidence(
         ranges,
         {kind: value for kind, value in stds.items() if value is not None},
+        units,
         times_noise=float(times) if isinstance(times, int | float) else 1.0,
     )
 

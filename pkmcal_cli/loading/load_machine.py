@@ -133,6 +133,9 @@ def load_parameters(model: Model, path: str | None) -> Start:
     warnings += (
         [f"note: {path}: values of other sessions are not used: {', '.join(read.others)}"] if read.others else []
     )
+    if read.spoilt:
+        lacking = "names, std and matrix are not all there, of one size"
+        warnings.append(f"warning: {path}: `correlations`: {lacking}: the uncertainties in this file are not used")
     if not read.of_machine:
         warnings.append(f"note: {path}: no fingerprint: cannot check which machine these values belong to")
     return Start(values, {read.file: read.sha256}, tuple(warnings), read.covariance, read.evidence)

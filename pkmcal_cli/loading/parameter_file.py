@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 
 _SECTIONS = ("provenance", FINGERPRINT, "parameters", MEASURED, UNEXPLAINED, "correlations", DATA)
+_NOT_HERE = "remove it, or check that this file belongs to this machine"
+_LISTED = 3  # effects in a hint
 _ENTRY = ("value", "std", "unit", "identified", "note")
 
 
@@ -35,7 +37,8 @@ class ParameterFile:
     """What a parameter file says: SI values by name; how the fit that wrote it ended; the file's checksum.
 
     covariance: names and matrix (p, p), SI; None where the file has none. others: values of sessions that are not
-    here. of_machine: whether it says of which machine it is; that is then the right one.
+    here. of_machine: whether it says of which machine it is; that is then the right one. spoilt: whether there are
+    `correlations` that are not whole.
     """
 
     file: str
@@ -45,6 +48,7 @@ class ParameterFile:
     covariance: tuple[tuple[str, ...], Array] | None = None
     others: tuple[str, ...] = ()
     of_machine: bool = True
+    spoilt: bool = False
     evidence: Evidence | None = None
 
 
@@ -76,6 +80,7 @@ def read_parameters(path: str, parameters: Sequence[ModelParameter], machine: Fi
         covariance=_covariance(source.root.child("correlations"), known),
         others=others,
         of_machine=of_machine,
+        spoilt=not _is_whole(source.root.child("correlations")),
         evidence=read_evidence(source.root),
     )
 
@@ -96,13 +101,31 @@ def _values(
             continue
         if name not in known:
             message = f"the machine has no parameter `{name}`"
-            remedy = did_you_mean(name, known, "remove it, or check that this file belongs to this machine")
+            remedy = _without_effect(tree, name, known) or did_you_mean(name, known, _NOT_HERE)
             faults.add(tree.fault("name", message, ("parameters", name), remedy, at_key=True))
             continue
         value = _entry_value(tree, name, node, known[name], faults)
         if value is not None:
             values[name] = value
     return values, tuple(others)
+
+
+def _without_effect(tree: SourceMap, name: str, known: Collection[str]) -> str | None:
+    """What to do with a number of an effect that the machine file lacks; None for other names."""
+    effect = name.rpartition(".")[0]
+    if "@" not in effect or any(each.rpartition(".")[0] == effect for each in known):
+        return None
+    calibrated = _inputs(tree.root)
+    named = f", as `{calibrated[0]}`, of which these values are" if calibrated else ""
+    return f"give the machine file with the effect `{effect}`{named}; to use the other values, remove this entry"
+
+
+def _inputs(root: SourceNode) -> list[str]:
+    """Files that the values are made from, the machine file first; none where the file does not say."""
+    provenance = root.child("provenance")
+    plain = None if provenance is None else provenance.plain()
+    inputs = plain.get("inputs") if isinstance(plain, dict) else None
+    return [str(name) for name in inputs] if isinstance(inputs, dict) else []
 
 
 def _is_of(machine: Fingerprint, tree: SourceMap) -> bool:
@@ -121,8 +144,19 @@ def _is_of(machine: Fingerprint, tree: SourceMap) -> bool:
         message = f"these values belong to another machine, `{fingerprint.of}`; `{machine.of}` differs ({difference})"
         if fingerprint.of == machine.of:
             message = f"these values belong to an earlier version of `{machine.of}` ({difference})"
-        remedy = "use the machine that they belong to; to accept them anyway, delete this line"
+        remedy = _remedy(machine, fingerprint)
     raise BadInput([tree.fault(FINGERPRINT, message, (FINGERPRINT,), remedy, at_key=True)])
+
+
+def _remedy(machine: Fingerprint, of_file: Fingerprint) -> str:
+    """What to do with values of another machine."""
+    lacking = [f"`{effect}`" for effect in of_file.effects if effect not in machine.effects]
+    if not lacking:
+        return "use the machine that they belong to; to accept them anyway, delete this line"
+    effects = ", ".join(lacking[:_LISTED]) + (" ..." if len(lacking) > _LISTED else "")
+    named = "" if of_file.of in ("", machine.of) else f"`{of_file.of}`, "
+    others = "to use the other values, delete this line and the entries of these effects in `parameters`"
+    return f"give {named}the machine file that declares {effects}; {others}"
 
 
 def _of_a_session(name: str, parameters: Sequence[ModelParameter]) -> bool:
@@ -151,6 +185,14 @@ def _covariance(node: SourceNode | None, known: Mapping[str, ModelParameter]) ->
         return None
     std, matrix = std[keep], matrix[np.ix_(keep, keep)]
     return names, matrix * np.outer(std * scale, std * scale)
+
+
+def _is_whole(node: SourceNode | None) -> bool:
+    """Whether names, std and matrix of a section `correlations` are of one size, or there is nothing in it."""
+    raw = node.plain() if node is not None else None
+    parts = [raw.get(key) for key in ("names", "std", "matrix")] if isinstance(raw, dict) else [raw]
+    sizes = {len(part) if isinstance(part, tuple) else -1 for part in parts}
+    return not raw or (len(sizes) == 1 and -1 not in sizes)
 
 
 def _unknown_keys(

@@ -122,7 +122,7 @@ class PoseSource:
         poses = joined_poses(self.loaded.model, list(self._blocks()))
         self.travel_limits.add(poses.rows.readings, poses.row_origin)
         if poses.lost and self.grid is None:
-            raise failed_rows(poses.row_origin, poses.lost)
+            raise failed_rows(poses.row_origin, poses.lost, len(poses))
         return poses if self.grid is None else replace(poses, sides=None)
 
 

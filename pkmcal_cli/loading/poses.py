@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pkmcal_cli.base.errors import BadInput, Fault, Location
+from pkmcal_cli.base.errors import MAX_FAULTS, BadInput, Fault, Location
 from pkmcal_cli.loading.covariates import at_rest, with_directions
 from pkmcal_cli.loading.pose_channels import together
 from pkmcal_cli.model.model import Model
@@ -19,6 +19,12 @@ from pkmcal_cli.tables.measurement_set import Measurements
 
 OUT_OF_REACH = "out of reach: no actuator positions for this pose of the tool point"
 _SHOWN = 20  # failed rows told one by one
+_ONE_ROW = "check the columns that give the poses and their units, or remove the row"
+_SEVERAL = 3  # rows that fail, from which on they may have one cause
+_MOST_ROWS = (
+    "most rows fail, so look for one cause: sign, zero or unit of the columns that give the poses, exchanged columns, "
+    "or the table of another machine"
+)
 
 
 @dataclass(frozen=True)
@@ -39,9 +45,8 @@ class RowOrigin:
         """Where it is in a file; None for one that is in none."""
         return None if self.file is None else Location(self.file, self.line)
 
-    def fault(self, reason: str) -> Fault:
-        """Why this row cannot be used, as a fault."""
-        hint = "check the columns that give the poses and their units, or remove the row"
+    def fault(self, reason: str, hint: str | None = _ONE_ROW) -> Fault:
+        """Why this row cannot be used, as a fault; hint: of a row of a file."""
         if self.file is None:
             return Fault("row", reason, Location(str(self)), "choose poses within the workspace")
         return Fault("row", f"row `{self.id}`: {reason}" if self.id else reason, Location(self.file, self.line), hint)
@@ -53,10 +58,17 @@ def origin_of(measurements: Measurements, row: int) -> RowOrigin:
     return RowOrigin(measurements.files[measurements.file_index[row]], int(measurements.line[row]), name)
 
 
-def failed_rows(row_origin: Callable[[int], RowOrigin], reasons: dict[int, str]) -> BadInput:
-    """Rows that cannot be predicted, as one error with all of them."""
-    shown = sorted(reasons)[:_SHOWN]
-    return BadInput([row_origin(row).fault(reasons[row]) for row in shown], len(reasons))
+def failed_rows(row_origin: Callable[[int], RowOrigin], reasons: dict[int, str], total: int) -> BadInput:
+    """Rows of `total` that cannot be predicted, as one error with all of them."""
+    return BadInput(row_faults(row_origin, reasons, total)[:_SHOWN], len(reasons))
+
+
+def row_faults(row_origin: Callable[[int], RowOrigin], reasons: Mapping[int, str], total: int) -> list[Fault]:
+    """The same as faults: of each its remedy, or where most of `total` rows fail, one for all."""
+    rows = sorted(reasons)[:MAX_FAULTS]
+    if len(reasons) < _SEVERAL or 2 * len(reasons) < total:
+        return [row_origin(row).fault(reasons[row]) for row in rows]
+    return [row_origin(row).fault(reasons[row], None if k else _MOST_ROWS) for k, row in enumerate(rows)]
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pkmcal_cli.base.errors import BadInput, Location, UsageError
+from pkmcal_cli.base.files import input_name
 from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.language.tool_point import ToolPoint
@@ -22,6 +23,7 @@ from pkmcal_cli.prediction import Rows
 from pkmcal_cli.tables.measurements import read_measurements
 
 _MOST = 10**6  # targets, which are worked on together
+_LABELS = ("session", "replicate")  # columns on which no effect depends by what they say
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +31,7 @@ class Targets:
     """Poses (N, 6) of the tool point, held at coordinates `held`; rows (N): circumstances, no drive readings yet.
 
     coordinates: those that were given; covariates: columns that a table of the rows needs; grid: whether points may be
-    out of reach.
+    out of reach; without_effect: circumstances that change nothing.
     """
 
     poses: Array
@@ -43,6 +45,7 @@ class Targets:
     grid: bool
     notes: tuple[str, ...]
     inputs: Mapping[str, str]
+    without_effect: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -62,6 +65,7 @@ def read_targets(
     if twice := [name for name in at if name in targets.rows.columns]:
         message = f"--at: the table has a column `{twice[0]}`"
         raise UsageError(message, hint="give a circumstance in the table or with `--at`, not in both")
+    in_table, by_option = (tuple(without_effect(loaded.model, names)) for names in (_circumstances(targets), at))
     columns = {**targets.rows.columns, **{name: np.full(len(targets), value) for name, value in at.items()}}
     at_reference, words = reference_conditions(loaded.model, columns)
     columns |= {name: np.full(len(targets), value) for name, value in at_reference.items()}
@@ -75,8 +79,11 @@ def read_targets(
         poses=poses,
         rows=replace(targets.rows, columns=columns),
         covariates=tuple(dict.fromkeys([*targets.covariates, *at, *at_reference])),
-        notes=(*targets.notes, *filter(None, [words, time_note]), *_idle(loaded, at)),
-    )
+        notes=(
+            *targets.notes, *filter(None, [words, time_note]), *_idle(path or "", in_table), *_idle("--at", by_option),
+        ),
+        without_effect=(*in_table, *by_option),
+    )  # fmt: skip
 
 
 def _time_note(loaded: LoadedMachine, columns: Mapping[str, Array]) -> str:
@@ -87,10 +94,18 @@ def _time_note(loaded: LoadedMachine, columns: Mapping[str, Array]) -> str:
     return "no column `time`: all parts have settled at their temperatures"
 
 
-def _idle(loaded: LoadedMachine, at: Mapping[str, float]) -> list[str]:
-    """What is to be said of circumstances that change nothing."""
-    names = without_effect(loaded.model, at)
-    return [f"--at: `{name}` changes nothing: no effect of the machine file depends on it" for name in names]
+def _circumstances(targets: Targets) -> list[str]:
+    """Columns of a table of targets that are there because something may depend on them."""
+    return [name for name in targets.covariates if name not in _LABELS]
+
+
+def _idle(place: str, names: tuple[str, ...]) -> list[str]:
+    """What is to be said of circumstances that change nothing, and where they stand."""
+    if not names:
+        return []
+    every = ", ".join(f"`{name}`" for name in names)
+    nothing, them = ("changes nothing", "it") if len(names) == 1 else ("change nothing", "them")
+    return [f"{input_name(place)}: {every} {nothing}: no effect of the machine file depends on {them}"]
 
 
 def _of_grid(loaded: LoadedMachine, text: str, to: Listener) -> Targets:

@@ -17,7 +17,10 @@ from pkmcal_cli.report.number_format import detectable_size, finite, plausible_s
 from pkmcal_cli.report.parameters import parameter_unit
 from pkmcal_cli.units.unit_text import parse_unit
 
+_MOST = 400  # points that a plan adds
 _ENOUGH = 2.0  # standard deviations of the prior: the plausible size
+OTHER_MEASUREMENTS = "other measurements: a further instrument or coordinate, or the length itself on the bench"
+"""What tells of a parameter where poses do not."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,20 @@ class Reached:
     def done(self) -> bool:
         """Whether the limit is kept."""
         return self.after <= self.limit
+
+    def within_reach(self, points: int) -> bool:
+        """Whether more points could keep the limit, if every one told as much as these: the best are chosen first."""
+        return points * self._information(self.limit) <= _MOST * self._information(self.after)
+
+    def remedy(self, points: int) -> str:
+        """What to do where these points do not keep the limit."""
+        if self.within_reach(points):
+            return "use more points (--points), or other measurements"
+        return f"more points hardly help, only {OTHER_MEASUREMENTS}"
+
+    def _information(self, std: float) -> float:
+        """What is known with a standard uncertainty beyond what the plan tells, 1/SI^2."""
+        return 1.0 / std**2 - 1.0 / self.before**2
 
 
 @dataclass(frozen=True)
@@ -114,11 +131,7 @@ class Added:
             if self.reached.done and not len(self.points):
                 return f"no further point: standard uncertainty of {self.reached.name} {before}, wanted {limit}"
             words = f"{points}: standard uncertainty of {self.reached.name} {before} -> {after}, wanted {limit}"
-            return (
-                words
-                if self.reached.done
-                else f"{words}: NOT REACHED; use more points (--points), or other measurements"
-            )
+            return words if self.reached.done else f"{words}: NOT REACHED; {self.reached.remedy(len(self.points))}"
         words = {
             "see": "smallest detectable size",
             "separate": "smallest separable size",

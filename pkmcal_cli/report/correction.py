@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -19,6 +20,7 @@ from pkmcal_cli.loading.load_machine import Start
 from pkmcal_cli.loading.targets import Targets
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.report.bearing import Bearing
+from pkmcal_cli.report.beyond_measured import BeyondMeasured, beyond_measured
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.correction_figures import exact, largest, rms, shown
 from pkmcal_cli.report.failed_rows import FailedRows, SkippedPoints
@@ -145,8 +147,8 @@ class CorrectionReport:
     def _show_doubts(self, to: Reporter, result: Assessment) -> None:
         total = count(len(self._numbers), "target")
         self._bearing(result).warn(to)
-        for name, where in self._beyond(result).items():
-            to.warn(f"warning: outside the measured range of {name}: {len(where)} of {total}, first {where[0]}")
+        for each in self._beyond:
+            each.show(to, len(self._numbers))
         if weak := [k for k in result.correction.good if result.weak[k]]:
             text = "most of the uncertainty comes from directions that the calibration hardly determines"
             to.warn(f"warning: rest on a weak direction: {len(weak)} of {total}: {text}")
@@ -163,13 +165,14 @@ class CorrectionReport:
         if evidence is None and self.start.inputs:
             to.notes(["the parameter file does not say what was measured (`calibrate -o` writes it now)"])
 
-    def _beyond(self, result: Assessment) -> dict[str, list[str]]:
-        """Places of targets outside of what was measured, by the name of the column."""
-        out: dict[str, list[str]] = {}
-        for k, number in zip(result.correction.good, self._numbers, strict=True):
-            for name in result.outside[k]:
-                out.setdefault(name, []).append(str(self.targets.row_origin(number)))
-        return out
+    @cached_property
+    def _beyond(self) -> Sequence[BeyondMeasured]:
+        """Columns with values outside of what was measured."""
+        evidence = self.start.evidence
+        if self.result is None or evidence is None:
+            return ()
+        place = lambda k: str(self.targets.row_origin(self._numbers[k]))  # noqa: E731
+        return beyond_measured(self.model, self.result, evidence, place)
 
     # --- JSON ------------------------------------------------------------------------------------
     def json(self) -> dict[str, Any]:
@@ -187,7 +190,9 @@ class CorrectionReport:
             "not_held": {} if result is None else self._free_json(result),
             **Bearing.json_of(None if result is None else self._bearing(result)),
             "weak": 0 if result is None else int(self._good(result.weak).sum()),
-            "outside": {} if result is None else {n: len(where) for n, where in self._beyond(result).items()},
+            "without_effect": list(self.targets.without_effect),
+            "outside": {each.name: len(each.places) for each in self._beyond},
+            "outside_values": {each.name: each.json() for each in self._beyond},
             "sides_not_settled": 0 if result is None else int(self._good(result.correction.turned).sum()),
             "unexplained": {} if evidence is None else _unexplained_json(evidence.unexplained),
             "times_noise": None if evidence is None else evidence.times_noise,

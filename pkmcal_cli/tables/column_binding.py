@@ -57,16 +57,13 @@ def bind(reader: TableReader, machine: Machine, require: Require, log: FaultLog)
     known = columns_of(machine)
     matches = _matches(reader.header, machine, known)
     check_header(reader, log, [columns[0].name if columns else None for columns in matches])
-    bound: dict[tuple[str, str], Bound] = {}
-    for index, columns in enumerate(matches):
-        if columns:
-            unit, assumed = _unit_of(reader, columns[0], index, log)
-            for column in columns:
-                bound.setdefault((column.name, column.role), Bound(column, index, unit, assumed))
+    bound, misfits = _bound(reader, matches, log)
     no_use: set[Role] = {"target"} if require == "measured" else set()  # TCP coordinates that no sensor reads
     spare = {i: reader.header[i] for i, columns in enumerate(matches) if {c.role for c in columns} <= no_use}
-    needs = Needs(reader, machine, known, list(bound.values()), spare, log)
+    needs = Needs(reader, machine, known, bound, spare, log)
     by_actuators, required, blank = needs.check(require)
+    if by_actuators:
+        needs.doubt_machine(misfits)
     column_rules = ColumnRules(
         _kinds(reader, needs.bound), required, _rules(needs.bound) | dict.fromkeys(blank, _BLANK)
     )
@@ -100,6 +97,22 @@ def _matches(header: Sequence[HeaderCell], machine: Machine, known: Sequence[Col
         part = temperature_column(cell.name, machine)
         out.append(by_header.get(cell.text) or by_header.get(cell.name) or ([part] if part else []))
     return out
+
+
+def _bound(
+    reader: TableReader, matches: Sequence[Sequence[Column]], log: FaultLog
+) -> tuple[list[Bound], set[int]]:
+    """The columns that are there, each once; cells of the header whose unit is a fault."""
+    bound: dict[tuple[str, str], Bound] = {}
+    misfits: set[int] = set()
+    for index, columns in enumerate(matches):
+        if columns:
+            before = log.total
+            unit, assumed = _unit_of(reader, columns[0], index, log)
+            misfits |= {index} if log.total > before else set()
+            for column in columns:
+                bound.setdefault((column.name, column.role), Bound(column, index, unit, assumed))
+    return list(bound.values()), misfits
 
 
 def _unit_of(reader: TableReader, column: Column, index: int, log: FaultLog) -> tuple[Unit, bool]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -22,6 +22,13 @@ from pkmcal_cli.units.file_units import Unit
 
 Require = Literal["actuators", "poses", "targets", "measured"]
 """What rows must have: actuator readings; these or TCP coordinates; those alone; readings and anywhere a channel."""
+
+
+_SEVERAL = 2  # drives without a column, from which on the table may be that of another machine
+
+
+def _with_unit(column: Column) -> str:
+    return f"`{column.header} [{column.unit_name}]`" if column.unit else f"`{column.header}`"
 
 
 @dataclass(frozen=True)
@@ -84,6 +91,26 @@ class Needs:
             poses = poses if require == "poses" else []
             blank = {b.index for b in (*poses, *self.targets()) if not self._filled(b)}
         return by_actuators, required, blank
+
+    def doubt_machine(self, misfits: Collection[int]) -> None:
+        """Ask whether the table is one of this machine where most drives have no column that fits, nor one like it.
+
+        misfits: columns of the header whose unit does not fit.
+        """
+        drives = [self.columns[name, "actuator"] for name, actuator in self.machine.actuators.items() if actuator.holds]
+        lost = [c for c in drives if self._is_lost(c, misfits)]
+        slips = all((c.name, c.role) in self.columns_bound for c in lost) and len(lost) < len(drives)
+        if len(lost) < _SEVERAL or 2 * len(lost) <= len(drives) or slips:
+            return
+        channels = [c for c in self.columns.values() if c.role == "channel"]
+        needed, read = (listed([_with_unit(c) for c in columns], 12) for columns in (drives, channels))
+        message = f"{len(lost)} of {len(drives)} drives of this machine have no column that fits"
+        hint = f"is this a table of this machine? It needs {needed}, and what was measured: {read}"
+        self.log.conclude(Flaw("csv-missing", message, hint, self.reader.format.header_line))
+
+    def _is_lost(self, column: Column, misfits: Collection[int]) -> bool:
+        bound = self.columns_bound.get((column.name, column.role))
+        return not self._remedy([column]).startswith("did you mean") if bound is None else bound.index in misfits
 
     def targets(self) -> list[Bound]:
         """The columns of TCP coordinates."""

@@ -5,8 +5,22 @@ from __future__ import annotations
 import math
 
 from pkmcal_cli.base.errors import UsageError
-from pkmcal_cli.units.dimensions import Dimension
+from pkmcal_cli.units.dimensions import ANGLE, LENGTH, NUMBER, Dimension
 from pkmcal_cli.units.unit_text import Unit, UnitError, parse_value
+
+_SMALL = {LENGTH: "20 um", ANGLE: "50 urad"}
+
+
+def small_example(unit: Unit) -> str:
+    """A small value of a unit's dimension, as one writes it."""
+    return _SMALL.get(unit.dimension, f"5 {unit.difference.text}")
+
+
+def require_unit(option: str, text: str, stated: Unit, expected: Unit) -> None:
+    """A value of a parameter that has a dimension was stated with a unit. Raises UsageError."""
+    if stated.dimension == NUMBER != expected.dimension:
+        hint = f'give it with its unit, for example "{small_example(expected)}"'
+        raise UsageError(f"{option}: `{text}` has no unit", hint=hint)
 
 
 def amount(

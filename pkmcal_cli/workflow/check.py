@@ -86,7 +86,7 @@ def run_check(request: CheckRequest) -> int:
         table = check_tables(loaded, measured, start, to)
         result["measurements"], inputs = table.counts, inputs | measured.inputs | start.inputs
         faults, total = faults + table.faults, total + table.total
-        if request.parameters is not None and result["measurements"]["n_values"]:
+        if request.parameters is not None and table.comparable:
             from pkmcal_cli.workflow.verify import verify
 
             verification = verify(loaded, measured, start, request.parameters, tolerance, to, faulty=table.lost)

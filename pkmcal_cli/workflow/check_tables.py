@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pkmcal_cli.base.errors import MAX_FAULTS, Fault
+from pkmcal_cli.base.errors import Fault
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.measured_problem import problem_of
@@ -18,7 +18,7 @@ from pkmcal_cli.calibration.verification import own_of
 from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured, sample_at
 from pkmcal_cli.gross_errors.nominal_misfit import nominal_misfit
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start
-from pkmcal_cli.loading.poses import origin_of
+from pkmcal_cli.loading.poses import origin_of, row_faults
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.tables.measurement_set import Measurements
@@ -36,6 +36,11 @@ class TableCheck:
     total: int
     lost: frozenset[int]
 
+    @property
+    def comparable(self) -> bool:
+        """Whether there is enough to be compared with parameters: values, and a pose of most rows."""
+        return bool(self.counts["n_values"]) and 2 * len(self.lost) < self.counts["n_rows"]
+
 
 def check_tables(loaded: LoadedMachine, measured: Measurements, start: Start, to: Reporter) -> TableCheck:
     """What tables are worth at the values of `start`."""
@@ -47,7 +52,7 @@ def check_tables(loaded: LoadedMachine, measured: Measurements, start: Start, to
     with to.step("rows as predicted"):
         prediction = evaluate(problem, values).prediction
     lost = np.nonzero(~prediction.solved)[0]
-    faults = [row_origin(int(k)).fault(prediction.reason(int(k))) for k in lost[:MAX_FAULTS]]
+    faults = row_faults(row_origin, {int(k): prediction.reason(int(k)) for k in lost}, len(problem))
     with to.step("whether the table fits the machine"):
         sample = sample_at(loaded, problem, values, prediction.start)
         messages = measurement_hints(loaded, problem, values, measured, sample=sample)

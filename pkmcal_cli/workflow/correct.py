@@ -13,6 +13,7 @@ from pkmcal_cli.base.errors import UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.correction.assessment import Assessment, assessed
+from pkmcal_cli.correction.commanded_machine import CommandedMachine
 from pkmcal_cli.correction.commands import corrected, depends_on_sides, with_first_sides
 from pkmcal_cli.correction.formats import format_named
 from pkmcal_cli.correction.redundancy import Choice
@@ -87,12 +88,14 @@ def run_correction(request: CorrectionRequest) -> int:
         export.check([loaded.model.actuators[a].name for a in held_drives(loaded.model)], names)
     made = correction(request, to, loaded)
     report, result, targets, inputs = made.report, made.report.result, made.report.targets, made.inputs
+    written = None
+    if result is not None and len(result.correction.good) and export is not None:
+        written = exported(export, loaded, report.model, report.start, targets, result)
     report.show(to)
     head = provenance(inputs, redundant=request.choice, at=request.at)
     more: dict[str, Any] = {}
     files: dict[str, str] = {}
-    if result is not None and len(result.correction.good) and export is not None:
-        written = exported(export, loaded, report.model, report.start, targets, result)
+    if written is not None and export is not None:
         more = {"export": written.json(write_export(export, written, inputs, head, to))}
     elif result is not None and len(result.correction.good):
         files = _write(request, made, head)
@@ -154,6 +157,8 @@ def correction(request: CorrectionRequest, to: Listener, machine: LoadedMachine 
         to.warn(fault)
     stated = conditions(loaded.machine, request.at)
     targets = read_targets(loaded, request.targets, request.grid, stated.values, to)
+    if request.as_format is not None:
+        format_named(request.as_format).check(CommandedMachine(loaded, targets.held))
     model = loaded.model.for_sessions(targets.rows.session_names)
     start = load_parameters(model, request.parameters)
     for text in start.warnings:

@@ -19,7 +19,7 @@ from pkmcal_cli.report.number_format import finite
 from pkmcal_cli.units.dimensions import LENGTH, NUMBER, Dimension
 from pkmcal_cli.units.file_units import DIMENSIONS
 from pkmcal_cli.units.unit_text import Unit, parse_unit
-from pkmcal_cli.workflow.amounts import amount
+from pkmcal_cli.workflow.amounts import amount, require_unit
 
 OPTION, MAX_RMS = "--fail-above", "--max-rms"
 KINDS = ("heldout", "fitted", "chi2", "std:NAME", "change")
@@ -148,15 +148,16 @@ def _limit(option: str, text: str) -> tuple[float, Unit]:
 
 def check_gates(limits: Iterable[Gate], model: Model, kinds: Mapping[str, Dimension]) -> None:
     """Whether a result can have what limits name: parameters, `kinds` of error by dimension. Raises UsageError."""
-    parameters = {p.name: parse_unit(p.unit or "1").dimension for p in model.parameters}
+    parameters = {p.name: parse_unit(p.unit or "1") for p in model.parameters}
     for gate in limits:
         name = gate.figure.partition(":")[2]
         if name and name not in parameters:
             hint = did_you_mean(name, parameters, "`check` lists all")
             raise UsageError(f"{gate.option}: no parameter `{name}`", hint=hint)
-        if name and parameters[name] != gate.unit.dimension:
+        if name and parameters[name].dimension != gate.unit.dimension:
+            require_unit(gate.option, gate.text, gate.unit, parameters[name])
             message = f"{gate.option}: `{gate.text}`: `{name}` is not measured in {gate.unit.text}"
-            raise UsageError(message, hint=f"give a {parameters[name].name} with its unit")
+            raise UsageError(message, hint=f"give a {parameters[name].dimension.name} with its unit")
         if gate.figure in ("heldout", "fitted"):
             _check_error(gate, kinds)
 

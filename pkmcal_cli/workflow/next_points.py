@@ -30,7 +30,7 @@ from pkmcal_cli.gross_errors.hints import nothing_measured
 from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine, load_measurements, load_parameters
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows
-from pkmcal_cli.report.added_points import Added, Reached
+from pkmcal_cli.report.added_points import OTHER_MEASUREMENTS, Added, Reached
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.number_format import finite, readable
 from pkmcal_cli.report.parameters import parameter_unit
@@ -88,7 +88,7 @@ class NextPoints:
         if self.status == "reached":
             to.say(f"REACHED with {count(self.rows, 'row')}: {known}, {aim}")
         elif self.status == "not_reached":
-            to.say(f"NOT REACHED within {count(self.budget, 'row')}: {known}, {aim}; use other measurements, or more")
+            to.say(f"NOT REACHED within {count(self.budget, 'row')}: {known}, {aim}; {self._remedy}")
             if self.loaded.model.workspace is None and self.rows < self.budget:
                 to.say(_NO_WORKSPACE)
         else:
@@ -101,6 +101,15 @@ class NextPoints:
         if len(self.added.points):
             self.added.show_points(to, self.loaded.model)
             self._show_session(to)
+
+    @property
+    def _remedy(self) -> str:
+        """What to do where the budget does not do."""
+        reached = self.added.reached
+        assert reached is not None
+        if reached.within_reach(self.needed):
+            return "use other measurements, or more"
+        return f"further rows hardly help, only {OTHER_MEASUREMENTS}"
 
     def _show_session(self, to: Reporter) -> None:
         """Which session the points go on with, and what to do if they are measured in another."""

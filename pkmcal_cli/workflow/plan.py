@@ -20,7 +20,7 @@ from pkmcal_cli.calibration.residual import evaluate, reasons
 from pkmcal_cli.csv_files.origin import Origin
 from pkmcal_cli.csv_files.writer import check_table
 from pkmcal_cli.diagnosis.experiment_design import Plan, best_points, plan_of, whitened_blocks, with_rows
-from pkmcal_cli.diagnosis.hypotheses import Candidates, candidates_of
+from pkmcal_cli.diagnosis.hypotheses import candidates_of
 from pkmcal_cli.diagnosis.linear import linear_problem
 from pkmcal_cli.diagnosis.power import Campaigns
 from pkmcal_cli.language.tool_point import ToolPoint
@@ -28,7 +28,6 @@ from pkmcal_cli.loading.covariates import with_directions
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_parameters
 from pkmcal_cli.loading.pose_channels import planned_channels
 from pkmcal_cli.loading.tool_coordinates import required_tool_point, tool_motion
-from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.prediction.touching import tcp_places
 from pkmcal_cli.report.added_points import Added
@@ -47,7 +46,7 @@ from pkmcal_cli.workflow.plan_power import power_of_plan
 from pkmcal_cli.workflow.plots import Plot, check_plot
 from pkmcal_cli.workflow.pose_set import PoseSet, default_poses, pose_set
 from pkmcal_cli.workflow.schedule import ScheduleOptions, write_schedule
-from pkmcal_cli.workflow.schedule_forms import check_form
+from pkmcal_cli.workflow.schedule_forms import check_drives, check_form
 from pkmcal_cli.workflow.state import State, check_state
 from pkmcal_cli.workflow.touched_poses import touching_poses
 
@@ -97,7 +96,7 @@ def run_plan(request: PlanRequest) -> int:
     poses, inputs = _prepared(request, loaded, start, poses, to)
     rows, used, ways = _approached(loaded, start.values, poses, request, to)
     candidates = candidates_of(loaded.model, selected, rows)
-    values = np.append(start.values, _nulls(candidates, loaded.model))
+    values = np.append(start.values, candidates.model.nominal[len(loaded.model.parameters) :])
     channels = planned_channels(loaded.model, used.poses.measured, used.poses.touched)
     problem = design_problem(candidates.model, rows, channels)
     require_measured(problem)
@@ -164,6 +163,7 @@ def _run_next(request: PlanRequest, to: Reporter) -> int:
         machine=request.machine, table=request.poses, parameters=request.parameters, select=request.select,
         aim=request.aim, budget=request.budget, seed=request.seed, to=to,
     )  # fmt: skip
+    check_drives(request.as_form, request.output, proposal.loaded.model)
     proposal.show(to)
     drawn = PlannedRows(proposal.loaded.model.nominal, None, proposal.added.points.rows)
     draw_plan(_plot(request, proposal.inputs), None, proposal.loaded, drawn, to)
@@ -214,6 +214,7 @@ def _approached(
 def _read(request: PlanRequest, to: Reporter) -> tuple[LoadedMachine, PoseSet]:
     """The machine, with what sessions have for themselves, and the poses of the plan."""
     loaded = load_machine(request.machine, receptive=True)
+    check_drives(request.as_form, request.output, loaded.model)
     if (request.output or request.aim) and all(d.force_controlled for d in loaded.model.topology.drives):
         message = "no actuator holds a position, so there are no points to choose or to schedule"
         raise UsageError(message, hint="leave out --aim and -o")
@@ -243,10 +244,6 @@ def _posed(loaded: LoadedMachine, to: Reporter, poses: PoseSet) -> ToolPoint:
     tool = required_tool_point(loaded)
     to.notes([] if poses.tool is not None else [tool.text])
     return tool
-
-
-def _nulls(candidates: Candidates, model: Model) -> Array:
-    return candidates.model.nominal[len(model.parameters) :]
 
 
 def _check(request: PlanRequest) -> None:

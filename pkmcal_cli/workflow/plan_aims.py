@@ -15,7 +15,8 @@ from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.report.added_points import Reached
 from pkmcal_cli.units.unit_text import parse_unit
-from pkmcal_cli.workflow.amounts import amount
+from pkmcal_cli.workflow.amounts import amount, require_unit, small_example
+from pkmcal_cli.workflow.named_effects import like_effect
 
 OPTION = "--aim"
 UNCERTAINTY, SEPARATE = "uncertainty", "separate:"
@@ -57,7 +58,9 @@ def requested_aim(
     if value:
         return _reached(name, value, model, selected)
     parts = [part.strip() for part in text.split(",") if part.strip()]
-    if parts and all(part in model.names for part in parts):
+    if not parts:
+        raise UsageError(f"{OPTION}: `{text}` names nothing", hint=_EXAMPLE)
+    if all(part in model.names for part in parts):
         return RequestedAim(Aim("determine", (_selected(parts, selected),)))
     chosen = _effects(text, candidates)
     return RequestedAim(Aim("see", tuple(h.parameters for h in chosen)), tuple(h.name for h in chosen))
@@ -69,10 +72,11 @@ def _reached(name: str, value: str, model: Model, selected: tuple[str, ...]) -> 
         hint = did_you_mean(name, model.names, _EXAMPLE)
         raise UsageError(f"{OPTION}: the machine has no parameter `{name}`", hint=hint)
     parameter_unit = parse_unit(model.parameters[model.names.index(name)].unit or "1").difference
-    limit, unit = amount(OPTION, value, parameter_unit)
+    limit, unit = amount(OPTION, value, fitting=(parameter_unit.dimension,))
+    require_unit(OPTION, f"{name} {value}", unit, parameter_unit)
     if unit.dimension != parameter_unit.dimension or limit <= 0:
         raise UsageError(
-            f"{OPTION}: `{value}` is not an uncertainty of `{name}`", hint=f"write e.g. 5 {parameter_unit.text}"
+            f"{OPTION}: `{value}` is not an uncertainty of `{name}`", hint=f"write e.g. {small_example(parameter_unit)}"
         )
     return RequestedAim(Aim("determine", (_selected([name], selected),)), (), limit)
 
@@ -99,7 +103,7 @@ def _effect(name: str, candidates: Candidates) -> Hypothesis:
     why = dict(candidates.not_testable).get(name.partition("@")[0])
     if why is not None:
         raise UsageError(f"{OPTION}: this plan cannot show `{name}`", hint=f"add what it needs: {why}")
-    hint = f"name one of {', '.join(h.name for h in places[:8])}" if places else did_you_mean(name, known, _EXAMPLE)
+    hint = like_effect(name, known, _EXAMPLE)
     raise UsageError(f"{OPTION}: this machine has no effect or parameter `{name}`", hint=hint)
 
 

@@ -69,7 +69,7 @@ class PoseSet:
     def without_points(self, reasons: Mapping[int, str]) -> PoseSet:
         """The same where poses may fail. Raises BadInput for rows of a table, all of which count."""
         if reasons and not self.skipping:
-            raise failed_rows(self.poses.row_origin, dict(reasons))
+            raise failed_rows(self.poses.row_origin, dict(reasons), len(self.poses))
         return self.without(reasons)
 
 

@@ -110,7 +110,11 @@ def _values(model: Model, known: KnownParameters, here: set[str], loosened: set[
 def _loosened(model: Model, text: str | None) -> set[str]:
     """Parameters that patterns name, separated by commas. Raises UsageError for a pattern that names none."""
     out: set[str] = set()
-    for pattern in filter(None, (part.strip() for part in (text or "").split(","))):
+    patterns = [part.strip() for part in (text or "").split(",") if part.strip()]
+    if text is not None and not patterns:
+        message = f"--loosen: `{text}` names no parameter"
+        raise UsageError(message, hint="write e.g. `--loosen l3,strut3.*`, or leave it out")
+    for pattern in patterns:
         matching = {n for n in model.names if fnmatchcase(n, pattern)}
         if not matching:
             hint = did_you_mean(pattern, model.names)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,12 +12,14 @@ from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.outputs import write_text
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.visible import in_line
+from pkmcal_cli.correction.commanded_machine import axis_letters, too_many_axes
+from pkmcal_cli.correction.strained_pose import held_drives
 from pkmcal_cli.csv_files.origin import Origin
 from pkmcal_cli.csv_files.writer import Values, open_writer
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.tables.columns import APPROACH
 from pkmcal_cli.units.unit_text import parse_unit
 
-_LINEAR, _ROTARY = "XYZUVW", "ABC"
 _SIDES = {1.0: "from below", -1.0: "from above", 0.0: "at rest"}
 _NGC = "https://www.nist.gov/publications/nist-rs274ngc-interpreter-version-3"
 
@@ -63,12 +65,8 @@ def _table(s: Schedule, target: str, inputs: Collection[str], force: bool) -> No
 
 def _program(s: Schedule, target: str, inputs: Collection[str], force: bool) -> None:
     """RS274/NGC for identity kinematics: to where the approach begins, to the pose, wait."""
-    free = {True: iter(_LINEAR), False: iter(_ROTARY)}
-    units = [parse_unit("mm" if parse_unit(unit).dimension.name == "length" else "deg") for *_, unit in s.drives]
-    letters = [next(free[unit.text == "mm"], "") for unit in units]
-    if not all(letters):
-        message = f"{len(letters)} drives exceed the number of axis words ({_LINEAR} linear, {_ROTARY} rotary)"
-        raise BadInput.single(message, Location(s.machine), "use `--as checklist` or `csv`", "format")
+    lengths = _lengths(unit for *_, unit in s.drives)
+    units, letters = [parse_unit("mm" if length else "deg") for length in lengths], axis_letters(lengths)
 
     def words(row: Array) -> str:
         parts = zip(letters, units, row, strict=True)
@@ -115,6 +113,18 @@ def check_form(name: str, dwell: float, feed: float) -> None:
     if name not in _FORMS:
         raise UsageError(f"--as: `{name}` is not a form of a plan", hint=did_you_mean(name, _FORMS))
     check_motion(dwell, feed, program=name != "csv")
+
+
+def check_drives(name: str, target: str | None, model: Model) -> None:
+    """Before the work: whether a form that is to be written can hold all drives with set values. Raises BadInput."""
+    lengths = _lengths(model.actuators[a].unit for a in held_drives(model))
+    if target is not None and name == "gcode" and (message := too_many_axes(lengths)):
+        hint = "use `--as checklist`, or `--as csv`"
+        raise BadInput.single(f"--as gcode: {message}", Location(model.name), hint, "format")
+
+
+def _lengths(units: Iterable[str]) -> list[bool]:
+    return [parse_unit(unit).dimension.name == "length" for unit in units]
 
 
 def check_motion(dwell: float, feed: float, *, program: bool) -> None:

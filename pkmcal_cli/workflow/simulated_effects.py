@@ -89,7 +89,7 @@ def _predicted(
     still = predict(model, values, with_directions(poses.poses.rows, names), Request(forces=True))
     if reasons := {int(k): still.reason(int(k)) for k in np.nonzero(~still.solved)[0]}:
         if len(reasons) == len(poses.kept):
-            raise failed_rows(poses.poses.row_origin, reasons)
+            raise failed_rows(poses.poses.row_origin, reasons, len(poses.poses))
         return _predicted(to, units, model, values, poses.without(reasons))
     poses.failed.show(to)
     rows, measured = with_directions(poses.poses.rows, names), poses.poses.measured

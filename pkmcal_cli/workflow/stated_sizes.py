@@ -8,7 +8,7 @@ from fnmatch import fnmatchcase
 from pkmcal_cli.base.errors import UsageError, did_you_mean
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.units.unit_text import parse_unit
-from pkmcal_cli.workflow.amounts import amount
+from pkmcal_cli.workflow.amounts import amount, require_unit
 
 
 def stated_sizes(model: Model, selected: Sequence[str], texts: Sequence[str]) -> dict[str, float]:
@@ -29,6 +29,7 @@ def stated_sizes(model: Model, selected: Sequence[str], texts: Sequence[str]) ->
         fitting = [n for n in matching if units[n].dimension == unit.dimension]
         if not fitting or (equals and len(fitting) < len(matching)):
             other = next(n for n in matching if n not in fitting)
+            require_unit("--size", text, unit, units[other])
             message = f"--size: `{text}`: {unit.text} does not fit " + (f"`{other}`" if equals else "any parameter")
             raise UsageError(message, hint=f"`{other}` is in {units[other].text}")
         sizes |= dict.fromkeys(fitting, size)

@@ -13,4 +13,5 @@ from pkmcal_cli.tables.measurement_set import Measurements
 def unsolved(measured: Measurements, prediction: Prediction) -> BadInput:
     """The error that names them."""
     lost = np.nonzero(~prediction.solved)[0]
-    return failed_rows(lambda row: origin_of(measured, row), {int(k): prediction.reason(int(k)) for k in lost})
+    reasons = {int(k): prediction.reason(int(k)) for k in lost}
+    return failed_rows(lambda row: origin_of(measured, row), reasons, len(measured))

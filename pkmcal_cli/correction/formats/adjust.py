@@ -9,7 +9,9 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from pkmcal_cli.correction.commanded_machine import CommandedMachine
 from pkmcal_cli.correction.export_case import Draft, ExportCase, Format, Listing
+from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _UNKNOWN = 3  # decimals beyond the range's first digit where nobody knows how sure a value is
@@ -49,12 +51,18 @@ class Adjustment:
 
 
 def adjustments(case: ExportCase) -> list[Adjustment]:
-    """In the order of the machine file. Raises BadInput where nothing is adjustable."""
-    parameters = {n: p for n, p in case.loaded.machine.parameters.items() if p.adjustable and n in case.model.names}
-    if not parameters:
+    """In the order of the machine file."""
+    return [_adjustment(case, name) for name in _adjustable(case.loaded)]
+
+
+def _adjustable(loaded: LoadedMachine) -> list[str]:
+    return [n for n, p in loaded.machine.parameters.items() if p.adjustable and n in loaded.model.names]
+
+
+def _check(machine: CommandedMachine) -> None:
+    if not _adjustable(machine.loaded):
         hint = 'mark what shims and screws set: `zl: {nominal: 0, adjustable: "rail A, left end"}`'
-        raise case.refuse("adjust", "no parameter of the machine file is `adjustable`", hint)
-    return [_adjustment(case, name) for name in parameters]
+        raise machine.refuse("adjust", "no parameter of the machine file is `adjustable`", hint)
 
 
 def _adjustment(case: ExportCase, name: str) -> Adjustment:
@@ -100,5 +108,5 @@ def _draft(case: ExportCase) -> Draft:
 
 
 ADJUST = Format(
-    keyword="adjust", title="shims and screws", sources=(), suffix=".txt", draft=_draft,
+    keyword="adjust", title="shims and screws", sources=(), suffix=".txt", draft=_draft, check=_check,
 )  # fmt: skip

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.correction.commanded_machine import CommandedMachine, axis_letters, too_many_axes
 from pkmcal_cli.correction.export_case import Draft, ExportCase, Format
 from pkmcal_cli.correction.program_path import program_path
 from pkmcal_cli.correction.waypoints import Stations
@@ -31,7 +33,6 @@ _PRINTERS = (
 _STEPS = 20
 _THERE = 1e-12  # of the machine's size: set values of a point are those that are wanted
 _DIGITS = {"length": 5, "angle": 6}  # decimals of mm and deg
-_LINEAR, _ROTARY = "XYZUVW", "ABC"
 DRIVES_KEYWORD = "gcode-drives"
 
 
@@ -69,15 +70,26 @@ def _unit(length: bool) -> tuple[Unit, int]:
     return parse_unit("mm" if length else "deg"), _DIGITS[kind]
 
 
+def _check_points(machine: CommandedMachine, keyword: str) -> None:
+    """Raises BadInput where set points of the tool do not say where the drives are."""
+    held, drives, hint = machine.held, len(machine.drives), f"use {machine.other_forms}"
+    if machine.turned and machine.loaded.machine.space == "spatial":
+        message = f"words for orientations ({', '.join(machine.turned)}) differ between controls"
+        raise machine.refuse(keyword, message, hint)
+    if len(held) != drives:
+        message = f"no tool point corresponds to set values of {drives} drives ({len(held)} coordinates)"
+        raise machine.refuse(keyword, message, hint)
+
+
+def _check_axes(machine: CommandedMachine, keyword: str) -> None:
+    """Raises BadInput where there are more drives than words."""
+    if message := too_many_axes(machine.lengths):
+        raise machine.refuse(keyword, message, f"use {machine.other_forms}")
+
+
 def _points(case: ExportCase, keyword: str, path: Stations) -> tuple[_Words, Array]:
     """Points of the tool, and set values (m, A) that the control makes of them."""
     held = case.made.aim.held
-    if case.turned and case.loaded.machine.space == "spatial":
-        message = f"words for orientations ({', '.join(case.turned)}) differ between controls"
-        raise case.refuse(keyword, message, "use `--as gcode-drives`")
-    if len(held) != len(case.drives):
-        message = f"no tool point corresponds to set values of {len(case.drives)} drives ({len(held)} coordinates)"
-        raise case.refuse(keyword, message, "use `--as gcode-drives`, or tables of single drives")
     poses = _moved_points(case, keyword, path)
     columns = [DIRECTIONS.index(c) for c in held]
     letters = ["C" if c == "rz" else c.upper() for c in held]
@@ -105,15 +117,10 @@ def _moved_points(case: ExportCase, keyword: str, path: Stations) -> Array:
     raise case.refuse(keyword, "the nominal machine cannot reach the corrected set values", "correct fewer targets")
 
 
-def _drive_words(case: ExportCase, keyword: str, path: Stations) -> tuple[_Words, Array]:
+def _drive_words(case: ExportCase, _: str, path: Stations) -> tuple[_Words, Array]:
     """Words of drives in the order of the machine file."""
-    free = {True: iter(_LINEAR), False: iter(_ROTARY)}
-    lengths = [case.model.actuators[a].dimension != "angle" for a in case.drives]
-    letters = [next(free[length], "") for length in lengths]
-    if not all(letters):
-        message = f"{len(letters)} drives exceed the number of axis words ({_LINEAR} linear, {_ROTARY} rotary)"
-        raise case.refuse(keyword, message, "use tables of single drives")
-    words = _Words.rounded(letters, lengths, path.set_values[:, case.drives])
+    lengths = case.machine.lengths
+    words = _Words.rounded(axis_letters(lengths), lengths, path.set_values[:, case.drives])
     commands = path.set_values.copy()
     commands[:, case.drives] = words.numbers
     return words, commands
@@ -152,13 +159,15 @@ def _header(case: ExportCase, keyword: str, rows: _Words) -> list[str]:
 
 GCODE = Format(
     keyword="gcode", title="corrected set points of the tool, RS274/NGC", sources=_NGC, suffix=".ngc",
-    draft=_program("gcode", _points, ";", seconds=True),
+    draft=_program("gcode", _points, ";", seconds=True), check=partial(_check_points, keyword="gcode"),
 )  # fmt: skip
 DRIVES = Format(
     keyword=DRIVES_KEYWORD, title="corrected set values of the drives, RS274/NGC", sources=_NGC, suffix=".ngc",
     draft=_program(DRIVES_KEYWORD, _drive_words, ";", seconds=True),
+    check=partial(_check_axes, keyword=DRIVES_KEYWORD),
 )  # fmt: skip
 PRINTER = Format(
     keyword="gcode-printer", title="corrected set points of the tool, firmware of printers", sources=_PRINTERS,
     suffix=".gcode", draft=_program("gcode-printer", _points, ";", seconds=False),
+    check=partial(_check_points, keyword="gcode-printer"),
 )  # fmt: skip

@@ -8,16 +8,17 @@ from dataclasses import replace
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.correction.commanded_machine import CommandedMachine
 from pkmcal_cli.correction.export_case import Draft, ExportCase, Format
-from pkmcal_cli.correction.firmware import other_machines
+from pkmcal_cli.correction.firmware import FEWEST_LINES, MOST_LINES, check_without_turns, other_machines
 from pkmcal_cli.correction.line_drives import HOMED, LineMotors, line_constants, line_gains
-from pkmcal_cli.correction.linear_delta import TOWERS, DeltaConstants, fitted_delta
+from pkmcal_cli.correction.linear_delta import TOWERS, DeltaConstants, check_delta, fitted_delta
+from pkmcal_cli.loading.load_machine import LoadedMachine
 
 _DIGITS = 6  # of mm and deg, as Klipper saves them
 _MM = 1e-3
 _LEAST = 1e-6  # mm or deg: less is rounding
 _KEYWORD = "klipper"
-_LEAST_STEPPERS, _MOST_STEPPERS = 3, 26
 
 
 def _rounded(values: Array, unit: float = 1.0) -> Array:
@@ -73,9 +74,6 @@ def _motors(case: ExportCase) -> LineMotors:
 
 def _winch(case: ExportCase) -> Draft:
     count = len(case.model.actuators)
-    if not _LEAST_STEPPERS <= count <= _MOST_STEPPERS:
-        message = f"Klipper's winch has {_LEAST_STEPPERS} to {_MOST_STEPPERS} steppers, this machine {count} drives"
-        raise case.refuse(_KEYWORD, message, other_machines(_KEYWORD))
     motors = _motors(case)
     constants = line_constants(case, _KEYWORD, motors)
     full_turn = 2.0 * np.pi
@@ -99,10 +97,24 @@ def _winch(case: ExportCase) -> Draft:
     return Draft(commands=made.readings(motors, case.positions), values=case.values, texts=texts, notes=(HOMED,))
 
 
+def _has_lines(loaded: LoadedMachine) -> bool:
+    """Whether drives change lengths, as a winch does; else carriages move."""
+    return any(a.winds is not None or a.drives is not None for a in loaded.machine.actuators.values())
+
+
+def _check(machine: CommandedMachine) -> None:
+    if not _has_lines(machine.loaded):
+        check_delta(machine, _KEYWORD)
+        return
+    if not FEWEST_LINES <= machine.count <= MOST_LINES:
+        steppers = f"{FEWEST_LINES} to {MOST_LINES} steppers"
+        message = f"Klipper's winch has {steppers}, this machine {machine.count} drives"
+        raise machine.refuse(_KEYWORD, message, other_machines(machine, _KEYWORD))
+    check_without_turns(machine, _KEYWORD)
+
+
 def _draft(case: ExportCase) -> Draft:
-    """A delta where carriages move, else a winch."""
-    lines = any(a.winds is not None or a.drives is not None for a in case.loaded.machine.actuators.values())
-    return _winch(case) if lines else _delta(case)
+    return _winch(case) if _has_lines(case.loaded) else _delta(case)
 
 
 KLIPPER = Format(
@@ -115,4 +127,5 @@ KLIPPER = Format(
     ),
     suffix=".cfg",
     draft=_draft,
+    check=_check,
 )

@@ -12,9 +12,12 @@ from fractions import Fraction
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.correction.commanded_machine import CommandedMachine
 from pkmcal_cli.correction.export_case import Draft, ExportCase, Format
+from pkmcal_cli.correction.firmware import FEWEST_LINES, MOST_LINES, check_without_turns
 from pkmcal_cli.correction.line_drives import HOMED, LineConstants, LineMotors, line_constants, line_gains, ways
-from pkmcal_cli.correction.linear_delta import DeltaConstants, fitted_delta
+from pkmcal_cli.correction.linear_delta import DeltaConstants, check_delta, fitted_delta
+from pkmcal_cli.loading.load_machine import LoadedMachine
 
 _KEYWORD = "reprapfirmware"
 _MM = 1e-3
@@ -75,10 +78,6 @@ class _Spools:
     def __init__(self, case: ExportCase) -> None:
         nominal = case.loaded.machine.nominal_values()
         actuators = list(case.loaded.machine.actuators.values())
-        for name, about in case.loaded.machine.actuators.items():
-            if about.winds is None or about.radius is None:
-                hint = "the Hangprinter winds lines on spools; give the drive a `radius`, or use `--as klipper`"
-                raise case.refuse(_KEYWORD, f"drive `{name}` has no spool of known radius", hint)
         self.strands = np.array([1 if a.folds is None else round(a.folds.number(nominal)) for a in actuators])
         gears = [Fraction(abs(a.ratio.number(nominal))).limit_denominator(_TEETH) for a in actuators]
         self.motor = np.array([g.numerator for g in gears])
@@ -112,9 +111,6 @@ class _Spools:
 
 def _hangprinter(case: ExportCase) -> Draft:
     count = len(case.model.actuators)
-    if not len(_ANCHORS) - 1 <= count <= len(_ANCHORS):
-        message = f"the Hangprinter has {len(_ANCHORS) - 1} or {len(_ANCHORS)} anchors, this machine {count} drives"
-        raise case.refuse(_KEYWORD, message, "use `--as klipper`, or tables of single drives")
     spools = _Spools(case)
     made = _rounded_lines(_constants(case, spools))
 
@@ -171,10 +167,29 @@ def _rounded_lines(constants: LineConstants) -> LineConstants:
     return replace(constants, anchors=_rounded(constants.anchors, _MM), more=_rounded(constants.more, _MM))
 
 
+def _winds(loaded: LoadedMachine) -> bool:
+    """Whether drives wind lines, as a Hangprinter does."""
+    return any(a.winds is not None for a in loaded.machine.actuators.values())
+
+
+def _check(machine: CommandedMachine) -> None:
+    if not _winds(machine.loaded):
+        check_delta(machine, _KEYWORD)
+        return
+    check_without_turns(machine, _KEYWORD)
+    least, most = len(_ANCHORS) - 1, len(_ANCHORS)
+    if not least <= machine.count <= most:
+        message = f"the Hangprinter has {least} or {most} anchors, this machine {machine.count} drives"
+        winch = "`--as klipper`, or " if FEWEST_LINES <= machine.count <= MOST_LINES else ""
+        raise machine.refuse(_KEYWORD, message, f"use {winch}{machine.other_forms}")
+    for name, about in machine.loaded.machine.actuators.items():
+        if about.winds is None or about.radius is None:
+            hint = "the Hangprinter winds lines on spools; give the drive a `radius`, or use `--as klipper`"
+            raise machine.refuse(_KEYWORD, f"drive `{name}` has no spool of known radius", hint)
+
+
 def _draft(case: ExportCase) -> Draft:
-    """A Hangprinter where drives wind lines, else a delta."""
-    lines = any(a.winds is not None for a in case.loaded.machine.actuators.values())
-    return _hangprinter(case) if lines else _delta(case)
+    return _hangprinter(case) if _winds(case.loaded) else _delta(case)
 
 
 REPRAPFIRMWARE = Format(
@@ -188,4 +203,5 @@ REPRAPFIRMWARE = Format(
     ),
     suffix=".g",
     draft=_draft,
+    check=_check,
 )

@@ -55,6 +55,12 @@ strain_energy.after number?:
 weak integer: number of targets most of whose variance comes from directions that the calibration hardly determines
 outside.COLUMN integer: number of targets outside the range in which the calibration measured, by actuator or
     circumstance
+outside_values.COLUMN.value number: the value of these targets that is farthest outside, as it was understood
+outside_values.COLUMN.low number: end of the measured range
+outside_values.COLUMN.high number:
+outside_values.COLUMN.unit text:
+outside_values.COLUMN.far flag: whether a circumstance is ten measured spans or more outside: look at its unit
+without_effect[] text: circumstances of the targets on which no effect of the machine file depends
 sides_not_settled integer: number of targets that their own commands approach from another side than assumed
 unexplained.KIND.std number?: what the calibration left beyond noise, of one coordinate; it is part of the
     uncertainties
