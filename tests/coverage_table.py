@@ -55,9 +55,8 @@ BENT = """
 The spool radii of the hangprinter are not identified and known to 2.7 %. They are not drawn: with errors so large,
 anchors move further than any linear statement reaches, and many intervals of `Dz` do not hold.
 
-The intervals of the Scissors are too wide: 25 held parameters make nearly all of their width. What is identified is moved by
-them more than by its own offsets, and from these alone is estimated how wide the ranges of lengths are. The errors themselves are
-0.97 of what the stated ranges and noise make (rms).
+The intervals of the Scissors are too wide: 25 held parameters make nearly all of their width. What is identified is
+moved by them more than by its own offsets, and from these alone is estimated how wide the ranges of lengths are.
 """
 
 WITHOUT = """
