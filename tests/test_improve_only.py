@@ -57,7 +57,7 @@ def test_the_verdict_and_the_end_say_that_only_some_were_tested(tables: dict[str
 @pytest.mark.parametrize(
     ("name", "message", "remedy"),
     [
-        ("unexplained@q4", "has no effect `unexplained@q4`", "did you mean `unexplained@q"),
+        ("unexplained@q4", "has no effect `unexplained@q4`", "name one of unexplained@q1, unexplained@q2, "),
         ("unexplained@q2:time", "this table cannot show `unexplained@q2:time`", "column `time`"),
     ],
 )
