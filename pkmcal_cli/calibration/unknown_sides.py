@@ -46,7 +46,8 @@ def unsided_rows(problem: Problem) -> tuple[Index, tuple[str, ...]]:
 def sided(problem: Problem) -> Problem:
     """The problem without what rows of unknown side say, unless that is most of it: there nobody knows the error."""
     rows, _ = unsided_rows(problem)
-    return problem if 2 * len(rows) > int(problem.measured.any(axis=1).sum()) else problem.without(rows)
+    few = 0 < 2 * len(rows) <= int(problem.measured.any(axis=1).sum())
+    return problem.without(rows) if few else problem
 
 
 def _sizes(model: Model, selected: Collection[str], values: Array | None) -> dict[str, float]:
