@@ -10,7 +10,6 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures, kinds_of
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.unknown_sides import sided
 from pkmcal_cli.loading.evidence import Evidence
 
 _CHANCE = 1.645  # standard deviations of a mean square, beyond which it is one of twenty
@@ -19,7 +18,7 @@ _LOGGED = {"T": "degC", "payload": "kg"}
 
 def evidence_of(problem: Problem, fit: Fit, errors: Mapping[str, ErrorFigures], fitted: bool) -> Evidence:
     """Of the rows that were used; errors: by kind, of the rows that were `fitted`, or of rows held out."""
-    used, known_sides = problem.measured.any(axis=1), sided(problem)
+    used = problem.measured.any(axis=1)
     rows, drives = problem.rows.readings[used], problem.model.actuators
     columns = {a.name: (rows[:, k], a.unit) for k, a in enumerate(drives)}
     for name, column in problem.rows.columns.items():
@@ -28,8 +27,8 @@ def evidence_of(problem: Problem, fit: Fit, errors: Mapping[str, ErrorFigures], 
             columns[name] = (np.asarray(column)[used], _LOGGED.get(kind, ""))
     known = {n: (c[np.isfinite(c)], u) for n, (c, u) in columns.items()}
     ranges = {n: (float(c.min()), float(c.max())) for n, (c, _) in known.items() if len(c)}
-    share = len(fit.selected) / max(int(known_sides.measured.sum()), 1)  # a fit takes up as much of the noise
-    left = _unexplained(known_sides, errors, 1.0 - share if fitted else 1.0 + share)
+    share = len(fit.selected) / max(int(problem.measured.sum()), 1)  # a fit takes up as much of the noise
+    left = _unexplained(problem, errors, 1.0 - share if fitted else 1.0 + share)
     return Evidence(ranges, left, {n: u for n, (_, u) in columns.items()}, float(np.sqrt(fit.excess)))
 
 
