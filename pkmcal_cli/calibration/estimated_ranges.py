@@ -17,7 +17,8 @@ from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.prior import prior_of_ranges
 from pkmcal_cli.calibration.problem import Problem
 
-_MUCH = 1.5  # a part of the rows makes ranges no narrower than by this
+_NARROWER = 1.5  # a part of the rows makes ranges no narrower than by this
+
 
 def with_estimated_ranges(problem: Problem, fit: Fit, start: Array, factors: Array) -> tuple[Problem, Fit]:
     """Problem and fit with the ranges of the selected parameters times factors (p,); unchanged where nothing is held.
@@ -52,10 +53,10 @@ def with_estimated_ranges(problem: Problem, fit: Fit, start: Array, factors: Arr
 
 
 def far_from_held(problem: Problem, fit: Fit, factors: Array) -> bool:
-    """Whether nothing would be held in a fit even if ranges times factors (p,) were much narrower."""
-    if problem.prior is not None or len(factors) != len(fit.selected):
+    """Whether nothing would be held in a fit even if ranges times factors (p,) were narrower still."""
+    if problem.prior is not None:
         return False
-    ranges = problem.model.ranges[[problem.model.names.index(n) for n in fit.selected]] * factors / _MUCH
+    ranges = problem.model.ranges[[problem.model.names.index(n) for n in fit.selected]] * factors / _NARROWER
     spectrum = directions(condensed(problem, fit.last).jacobian, fit.selected, ranges)
     return not (spectrum.weak.any() or spectrum.null.any())
 

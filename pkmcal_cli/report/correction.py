@@ -171,8 +171,11 @@ class CorrectionReport:
         evidence = self.start.evidence
         if self.result is None or evidence is None:
             return ()
-        place = lambda k: str(self.targets.row_origin(self._numbers[k]))  # noqa: E731
-        return beyond_measured(self.model, self.result, evidence, place)
+        return beyond_measured(self.model, self.result, evidence, self._place)
+
+    def _place(self, k: int) -> str:
+        """Of the k-th target with set values."""
+        return str(self.targets.row_origin(self._numbers[k]))
 
     # --- JSON ------------------------------------------------------------------------------------
     def json(self) -> dict[str, Any]:

@@ -193,9 +193,10 @@ def _largest(change: ToolChange | str | None, report: ComparisonReport) -> list[
     """The largest change of the tool point, 0 where the test sees none, or why it is not known."""
     if change is None or isinstance(change, str):
         return change or "not known"
-    label = "largest change of the tool point's position"
-    size = 0.0 if report.unchanged else change.largest
-    return [Figure(label + " (no change is seen)" * report.unchanged, size, parse_unit("um"), "position")]
+    label, size = "largest change of the tool point's position", change.largest
+    if report.unchanged:
+        label, size = f"{label} (no change is seen)", 0.0
+    return [Figure(label, size, parse_unit("um"), "position")]
 
 
 def _compared(known: Sequence[KnownParameters]) -> Compared:
