@@ -145,7 +145,7 @@ def measured_frame(machine: Machine, measured: Measurements) -> pd.DataFrame:
     arrays = _arrays(measured)
     for label, texts in measured.labels.items():
         columns.append((label, None))
-        cells.append(texts)
+        cells.append(list(texts))
     if len(measured.sessions) > 1 and "session" not in measured.labels:
         columns.append(("session", None))
         cells.append([measured.sessions[k] for k in measured.session])

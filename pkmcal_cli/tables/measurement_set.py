@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.errors import Fault
+from pkmcal_cli.base.stored_texts import StoredTexts
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -44,7 +45,7 @@ class Measurements:
     given_targets: FloatArray
     target_channels: tuple[int, ...]
     covariates: Mapping[str, FloatArray]
-    labels: Mapping[str, tuple[str, ...]]
+    labels: Mapping[str, StoredTexts]
     session: IntArray
     sessions: tuple[str, ...]
     file_index: IntArray
@@ -92,7 +93,7 @@ class Measurements:
         return np.array(rows, dtype=np.intp)
 
     @property
-    def ids(self) -> tuple[str, ...]:
+    def ids(self) -> Sequence[str]:
         """The `id` of every row, "" without."""
         return self.labels.get("id", ("",) * len(self))
 
@@ -110,7 +111,7 @@ class Measurements:
             self,
             **arrays,
             covariates={name: values[index] for name, values in self.covariates.items()},
-            labels={name: tuple(texts[i] for i in index) for name, texts in self.labels.items()},
+            labels={name: StoredTexts(texts[i] for i in index) for name, texts in self.labels.items()},
         )
 
 
@@ -141,7 +142,7 @@ class _Joiner:
         self.first: Measurements | None = None
         self.arrays: dict[str, list[Any]] = {name: [] for name in _ARRAYS}
         self.covariates: dict[str, list[FloatArray]] = {}
-        self.labels: dict[str, list[tuple[str, ...]]] = {}
+        self.labels: dict[str, list[StoredTexts]] = {}
         self.sizes: list[int] = []
         self.sessions: dict[str, int] = {}
         self.files: dict[tuple[str, str], int] = {}
@@ -161,12 +162,12 @@ class _Joiner:
             gaps = [np.full(size, np.nan) for size in self.sizes]
             self.covariates.setdefault(name, gaps).append(values)
         for label, texts in part.labels.items():
-            self.labels.setdefault(label, [("",) * size for size in self.sizes]).append(texts)
+            self.labels.setdefault(label, [_blank(size) for size in self.sizes]).append(texts)
         self.sizes.append(len(part))
         for columns in self.covariates.values():
             columns += [np.full(len(part), np.nan)] * (len(self.sizes) - len(columns))
         for lists in self.labels.values():
-            lists += [("",) * len(part)] * (len(self.sizes) - len(lists))
+            lists += [_blank(len(part))] * (len(self.sizes) - len(lists))
         self.notes |= dict.fromkeys(part.notes)
 
     def finish(self) -> Measurements:
@@ -177,7 +178,7 @@ class _Joiner:
             self.first,
             **{name: _join(self.arrays.pop(name), total) for name in _ARRAYS},
             covariates={name: _join(self.covariates.pop(name), total) for name in list(self.covariates)},
-            labels={name: tuple(t for texts in lists for t in texts) for name, lists in self.labels.items()},
+            labels={name: StoredTexts.of_parts(parts) for name, parts in self.labels.items()},
             sessions=tuple(self.sessions),
             files=tuple(name for name, _ in self.files),
             sha256=tuple(digest for _, digest in self.files),
@@ -191,6 +192,10 @@ def _renumber(index: IntArray, names: Sequence[Any], known: dict[Any, int]) -> I
     if len(names) == 1:
         return np.broadcast_to(places[0], index.shape)
     return places[index]
+
+
+def _blank(rows: int) -> StoredTexts:
+    return StoredTexts([""] * rows)
 
 
 def _is_absent(array: FloatArray) -> bool:

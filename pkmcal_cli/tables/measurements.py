@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,6 +14,7 @@ import numpy as np
 from pkmcal_cli.base.errors import MAX_FAULTS, BadInput, Fault, FaultList, Location
 from pkmcal_cli.base.files import identity, input_name, is_stream
 from pkmcal_cli.base.plural import listed
+from pkmcal_cli.base.stored_texts import StoredTexts
 from pkmcal_cli.csv_files.cell_values import Chunk, FaultLog, FloatArray, IntArray
 from pkmcal_cli.csv_files.cells import has_zone, time_of
 from pkmcal_cli.csv_files.dialect import Flaw
@@ -169,7 +170,7 @@ class _File:
         coordinates, channel_names = coordinates_of(machine), channel_of_target(machine)
         places = tuple(channels.index(channel_names[c]) if c in channel_names else -1 for c in coordinates)
         get = _Getter(chunk, binding, rows, self.clock.origin)
-        labels = {b.column.name: tuple(chunk.texts[b.index]) for b in binding.of("label")}
+        labels = {b.column.name: StoredTexts(chunk.texts[b.index]) for b in binding.of("label")}
         sessions, session = self._sessions(labels, rows)
         forces = get.stack([f"{name}.force" for name in drives], "force")
         return Measurements(
@@ -202,7 +203,7 @@ class _File:
             out[:, channels.index(name)] = reading
         return out
 
-    def _sessions(self, labels: dict[str, tuple[str, ...]], rows: int) -> tuple[tuple[str, ...], IntArray]:
+    def _sessions(self, labels: Mapping[str, StoredTexts], rows: int) -> tuple[tuple[str, ...], IntArray]:
         """Names and index (n,): of the column `session`, else the file's."""
         texts = labels.get("session")
         if texts is None:
