@@ -25,6 +25,7 @@ from pkmcal_cli.diagnosis.stability import Stability, stability
 from pkmcal_cli.diagnosis.unit_columns import unit_columns
 from pkmcal_cli.effects.effect import legendre
 from pkmcal_cli.report.diagnosis import DiagnosisReport
+from tests.benchmark.cases import case
 from tests.benchmark.setting import Setting, diagnosed, machine
 from tests.truth.campaigns import campaign, unit
 
@@ -81,6 +82,13 @@ def test_a_shape_of_its_own_is_recognised_and_costs_certainty() -> None:
     before, after = (own_discrepancy(x, Scale(), columns, discrepancies) for x in (plain, rich))
     assert after.evidence > 3 > before.evidence >= 0
     assert np.trace(after.covariance) > 4 * np.trace(before.covariance)
+
+
+def test_a_second_effect_is_no_shape_of_the_first_where_it_explains_more() -> None:
+    """A step of the set-up has five more log evidence than a free shape in time of the drift that was found first."""
+    planted = case("two", 40)
+    d = diagnosed(planted.measured(), planted.seed)
+    assert {f.hypothesis.name for f in d.findings} == {x.name for x in planted.drawn} == {"drift@tracker", "resetup@s2"}
 
 
 def test_evidence_is_the_likeliest_normal_prior() -> None:

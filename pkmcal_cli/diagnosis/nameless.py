@@ -31,10 +31,10 @@ from pkmcal_cli.effects.unexplained import place_and_axis
 from pkmcal_cli.model.effect_sites import PlacedEffect
 
 _BETTER = 7.0  # log evidence by which a shape must be better than what it replaces
-_SURE, _LEFT = 1e-6, 1e-3  # chance of the residual, of noise alone, before and after a shape that explains the table
-_OWN_SHARE = 0.82  # share of what a shape explains that a named effect at its site does, which is enough then
-_MOST_SHARE = 0.7  # the same, of an effect whose own shape it is
+_SURE, _LEFT = 1e-2, 1e-3  # chance of the residual, of noise alone, before and after a shape that explains the table
 _LEFT_SHARE = 0.09  # share of what named effects explain that they may leave: shapes deviate by up to 30 %
+_OWN_SHARE = 1.0 - _LEFT_SHARE  # share of what a shape explains that a named effect at its site does, which is enough
+_MOST_SHARE = 0.7  # the same, of an effect whose own shape it is
 _CREDIBLE = 0.95
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from pkmcal_cli.base.stages import Stage
 from pkmcal_cli.diagnosis.alikeness import cosines
 from pkmcal_cli.diagnosis.alpha import Alpha
 from pkmcal_cli.diagnosis.beyond_range import begun_beyond, improbability
+from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.model_discrepancy import discrepancy_columns
 from pkmcal_cli.diagnosis.outlying_rows import MOST
 from pkmcal_cli.diagnosis.refits import recalibrated, refit
@@ -144,7 +146,7 @@ def needed_only(search: Search) -> Search:
 
 
 def _is_discrepancy(search: Search, scored: Scored, best: int) -> bool:
-    """Whether a hypothesis is significant only as long as accepted effects have no free shape.
+    """Whether a hypothesis is significant only as long as accepted effects have no free shape, which explains more.
 
     A richer shape of the same place is no model discrepancy: it has a name. A group that goes beyond that place is one
     unless its other members speak for it.
@@ -158,7 +160,15 @@ def _is_discrepancy(search: Search, scored: Scored, best: int) -> bool:
     free = scored.linear.projecting(scored.linear.projected, extra=scored.linear.whitened(extra))
     score = free.score_of(hypothesis)
     insignificant = scored.scale.p_of(score) > search.critical
-    return not score.count or (insignificant and score.statistic < 0.5 * scored.scores[best].statistic)
+    if score.count and not (insignificant and score.statistic < 0.5 * scored.scores[best].statistic):
+        return False
+    price = search.price([*search.accepted, hypothesis]) - search.price(search.accepted)
+    return bool(_evidence_of_shapes(search, others) >= scored.log_bayes[best] - price)
+
+
+def _evidence_of_shapes(search: Search, effects: Sequence[Hypothesis]) -> float:
+    """Log evidence that accepted effects deviate from their formulas, all together."""
+    return sum(float(shape_gains(search, score_without(search, [h], [h]))[0]) for h in effects)
 
 
 def stands_on_one_row(scored: Scored, k: int) -> bool:
