@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -85,6 +86,19 @@ def as_travel(quantity: Quantity, actuator: Actuator, nominal: Mapping[str, floa
     if quantity.dimension == actuator.travel_dimension and not in_steps(quantity):
         return value
     return value * abs(_gain(*(factor.number(nominal) for factor in _factors(actuator))))
+
+
+def period_of_travel(actuator: Actuator, nominal: Mapping[str, float]) -> float:
+    """Travel (SI) after which the errors of a screw, encoder or drum come again: as stated, else a turn of the drum.
+
+    NaN where neither is known.
+    """
+    if actuator.period is not None:
+        return as_travel(actuator.period, actuator, nominal)
+    if actuator.winds is None or actuator.radius is None:
+        return math.nan
+    folds = 1.0 if actuator.folds is None else actuator.folds.number(nominal)
+    return 2.0 * math.pi * actuator.radius.number(nominal) / folds
 
 
 def add_drive(structure: Structure, name: str, actuator: Actuator) -> PlacedDrive:

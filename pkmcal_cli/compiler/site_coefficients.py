@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.compiler.carriage_sites import carriages, guides
-from pkmcal_cli.compiler.drives import PlacedDrive, as_travel
+from pkmcal_cli.compiler.drives import PlacedDrive, period_of_travel
 from pkmcal_cli.compiler.instrument_sites import instruments
 from pkmcal_cli.compiler.rope_path import rope_path
 from pkmcal_cli.compiler.ropes import cables
@@ -62,7 +61,7 @@ def _kind(actuator: Actuator) -> str:
 def _commands(c: SiteCollector) -> Named:
     for a, drive in enumerate(c.topology.drives):
         actuator = c.structure.machine.actuators[drive.name]
-        nominal, period = c.structure.nominal, actuator.period
+        nominal = c.structure.nominal
         radius, folds = (1.0 if q is None else q.number(nominal) for q in (actuator.radius, actuator.folds))
         made = EffectSite(
             part=drive.name,
@@ -72,7 +71,7 @@ def _commands(c: SiteCollector) -> Named:
             length=radius,
             folds=folds,
             kind=_kind(actuator),
-            period=math.nan if period is None else as_travel(period, actuator, nominal),
+            period=period_of_travel(actuator, nominal),
         )
         yield drive.name, (made,)
 

@@ -129,13 +129,13 @@ PITCH = Effect(
         Option(
             name="period",
             unit="mm",
-            text="lead of the screw or period of the encoder; default: that of the drive",
+            text="lead of the screw, period of the encoder or a turn of the drum; default: that of the drive",
             rotary="deg",
             positive=True,
         ),
     ),
     common=False,
-    cause="The screw, coupling or encoder of {at} runs out once per period.",
+    cause="The screw, drum, coupling or encoder of {at} runs out once per period.",
     result="The positioning error of {at} oscillates with the period.",
     action="Check the alignment of the end bearing, coupling and encoder of {at}; measure a short scan in fine steps.",
 )

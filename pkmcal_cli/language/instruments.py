@@ -116,7 +116,10 @@ class Actuator(Entity, Generic[V]):
     )
     sigma: Sigma[V] | None = Field(default=None, description="Standard uncertainty of the reading, as travel")
     sigma_is: SigmaIs = Field(default="stated", description=SIGMA_IS)
-    period: Sigma[V] | None = Field(default=None, description="Lead of the screw or period of the encoder, as travel")
+    period: Sigma[V] | None = Field(
+        default=None,
+        description="Lead of the screw or period of the encoder, as travel; default: of a drum one turn, else none",
+    )
 
     @property
     def holds(self) -> bool:
