@@ -1,8 +1,9 @@
 """Where the catalogue ends: a displacement without a name, where it explains the table and no set of effects does.
 
 It competes with what was accepted by evidence, all together and each alone, and with a smooth field over the pose,
-steps and oscillations in time. At the site of a named effect that explains nearly as much it is this effect; where
-this explains most of it, it is in the fit as the effect's own shape, and has its name.
+steps and oscillations in time. At the site of a named effect that has nearly the evidence, if it may deviate a little
+from its formula, it is this effect; where one that may have any curve explains most of it, it is in the fit as the
+effect's own shape, and has its name.
 """
 
 from __future__ import annotations
@@ -24,7 +25,16 @@ from pkmcal_cli.diagnosis.model_discrepancy import discrepancy_columns
 from pkmcal_cli.diagnosis.noise_tests import chance_of_noise
 from pkmcal_cli.diagnosis.refits import recalibrated
 from pkmcal_cli.diagnosis.scale import Scale
-from pkmcal_cli.diagnosis.scoring import NamelessShape, Scored, Search, linear_without, nulled, score_all, score_without
+from pkmcal_cli.diagnosis.scoring import (
+    NamelessShape,
+    Scored,
+    Search,
+    linear_without,
+    nulled,
+    score_all,
+    score_without,
+    shape_gains,
+)
 from pkmcal_cli.diagnosis.unmodelled import evidence_of_effects
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.effects.unexplained import place_and_axis
@@ -33,8 +43,7 @@ from pkmcal_cli.model.effect_sites import PlacedEffect
 _BETTER = 7.0  # log evidence by which a shape must be better than what it replaces
 _SURE, _LEFT = 1e-2, 1e-3  # chance of the residual, of noise alone, before and after a shape that explains the table
 _LEFT_SHARE = 0.09  # share of what named effects explain that they may leave: shapes deviate by up to 30 %
-_OWN_SHARE = 1.0 - _LEFT_SHARE  # share of what a shape explains that a named effect at its site does, which is enough
-_MOST_SHARE = 0.7  # the same, of an effect whose own shape it is
+_MOST_SHARE = 0.7  # share of what a shape explains that a named effect does whose own shape it is
 _CREDIBLE = 0.95
 
 
@@ -56,9 +65,8 @@ def with_shape(search: Search, last: Scored) -> Search | None:
     gain, removed, shapes = max(ways, key=lambda way: way[0], default=(0.0, (), []))
     if gain <= _BETTER or _is_left_by_named(search, removed, shapes[0], last):
         return None
-    linear = linear_without(search, removed, _alike(search, shapes[0])).prewhitened(last.linear.memory)
-    share, named = _at_its_site(search, shapes[0], linear)
-    if share > _OWN_SHARE:
+    by_name, named = _at_its_site(search, removed, shapes[0])
+    if shapes[0].evidence < by_name + _BETTER:
         return None
     after = _accepted(search, gain, removed, shapes, named)
     alone = next((way for way in ways if after is not None and _leaves_needless(after, search, way, shapes[0])), None)
@@ -92,8 +100,8 @@ def with_all_in_one(search: Search, first: Scored) -> Search:
     best = float(first.log_bayes.max(initial=0.0))
     if not shapes or shapes[0].evidence < best + _BETTER or not _stands_out(search, shapes[0], linear, scale):
         return search
-    share, named = _at_its_site(search, shapes[0], linear)
-    if share > _OWN_SHARE:
+    by_name, named = _at_its_site(search, (), shapes[0])
+    if shapes[0].evidence < by_name + _BETTER:
         return search
     after = _accepted(search, shapes[0].evidence, (), shapes, named)
     return search if after is None or chance_of_noise(score_all(after, ()).linear) < _LEFT else after
@@ -132,14 +140,21 @@ def _removals(search: Search) -> Iterator[tuple[Hypothesis, ...]]:
         yield from ((h,) for h in search.near)
 
 
-def _at_its_site(search: Search, shape: FittedShape, linear: Linear) -> tuple[float, Hypothesis | None]:
-    """Share of what a shape explains that named effects at its site do, at most; the effect, if that is most of it and
-    the effect may have any curve."""
-    shares = [(linear.explained(linear.of(h.parameters))[0] / shape.statistic, h) for h in _alike(search, shape)]
-    share, best = max(shares, key=lambda pair: pair[0], default=(0.0, None))
-    if best is None or share < _MOST_SHARE or not catalogue()[best.effect].any_curve:
-        return share, None
-    return share, best
+def _at_its_site(search: Search, removed: Sequence[Hypothesis], shape: FittedShape) -> tuple[float, Hypothesis | None]:
+    """Log evidence of the named effect at the site of a shape that has most; the one that may have any curve and
+    explains most of the shape, which then is its own.
+
+    Effects may deviate from their formulas; of those that may have any curve this shape itself is what deviates.
+    """
+    site = _alike(search, shape)
+    if not site:
+        return -np.inf, None
+    scores = score_without(search, removed, site)
+    any_curve = np.array([catalogue()[h.effect].any_curve for h in site])
+    evidence = scores.log_bayes + np.where(any_curve, 0.0, shape_gains(search, scores))
+    share = np.array([score.statistic for score in scores.scores]) / shape.statistic
+    best = int(np.argmax(share))
+    return float(evidence.max()), site[best] if share[best] >= _MOST_SHARE and any_curve[best] else None
 
 
 def _is_left_by_named(search: Search, removed: Sequence[Hypothesis], shape: FittedShape, last: Scored) -> bool:
