@@ -33,6 +33,7 @@ from pkmcal_cli.diagnosis.scoring import (
     nulled,
     score_all,
     score_without,
+    scored_by,
     shape_gains,
 )
 from pkmcal_cli.diagnosis.unmodelled import evidence_of_effects
@@ -65,7 +66,7 @@ def with_shape(search: Search, last: Scored) -> Search | None:
     gain, removed, shapes = max(ways, key=lambda way: way[0], default=(0.0, (), []))
     if gain <= _BETTER or _is_left_by_named(search, removed, shapes[0], last):
         return None
-    by_name, named = _at_its_site(search, removed, shapes[0])
+    by_name, named = _at_its_site(search, removed, shapes[0], last)
     if shapes[0].evidence < by_name + _BETTER:
         return None
     after = _accepted(search, gain, removed, shapes, named)
@@ -100,7 +101,7 @@ def with_all_in_one(search: Search, first: Scored) -> Search:
     best = float(first.log_bayes.max(initial=0.0))
     if not shapes or shapes[0].evidence < best + _BETTER or not _stands_out(search, shapes[0], linear, scale):
         return search
-    by_name, named = _at_its_site(search, (), shapes[0])
+    by_name, named = _at_its_site(search, (), shapes[0], first)
     if shapes[0].evidence < by_name + _BETTER:
         return search
     after = _accepted(search, shapes[0].evidence, (), shapes, named)
@@ -140,7 +141,9 @@ def _removals(search: Search) -> Iterator[tuple[Hypothesis, ...]]:
         yield from ((h,) for h in search.near)
 
 
-def _at_its_site(search: Search, removed: Sequence[Hypothesis], shape: FittedShape) -> tuple[float, Hypothesis | None]:
+def _at_its_site(
+    search: Search, removed: Sequence[Hypothesis], shape: FittedShape, last: Scored
+) -> tuple[float, Hypothesis | None]:
     """Log evidence of the named effect at the site of a shape that has most; the one that may have any curve and
     explains most of the shape, which then is its own.
 
@@ -149,7 +152,8 @@ def _at_its_site(search: Search, removed: Sequence[Hypothesis], shape: FittedSha
     site = _alike(search, shape)
     if not site:
         return -np.inf, None
-    scores = score_without(search, removed, site)
+    linear = linear_without(search, removed, site).prewhitened(last.linear.memory)
+    scores = scored_by(last.scale, linear, site)
     any_curve = np.array([catalogue()[h.effect].any_curve for h in site])
     evidence = scores.log_bayes + np.where(any_curve, 0.0, shape_gains(search, scores))
     share = np.array([score.statistic for score in scores.scores]) / shape.statistic

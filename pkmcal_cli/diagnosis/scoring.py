@@ -241,15 +241,14 @@ def scored(linear: Linear, problem: Problem, hypotheses: Sequence[Hypothesis]) -
     """Scores, p values and evidence of hypotheses; the best of its nested parts stands for each."""
     plain, linear = linear, independent(linear, problem, hypotheses)
     scale = noise_scale(linear, problem, group_columns(problem))
+    return replace(scored_by(scale, linear, hypotheses), plain=plain)
+
+
+def scored_by(scale: Scale, linear: Linear, hypotheses: Sequence[Hypothesis]) -> Scored:
+    """Scores, p values and evidence of hypotheses by a noise that is known, as at the end of a search."""
     best, scores, p_values, evidence = _best_parts(linear.scores_of, scale, hypotheses)
     return Scored(
-        linear=linear,
-        scale=scale,
-        hypotheses=best,
-        scores=scores,
-        p_values=p_values,
-        log_bayes=evidence,
-        plain=plain,
+        linear=linear, scale=scale, hypotheses=best, scores=scores, p_values=p_values, log_bayes=evidence, plain=linear
     )
 
 
