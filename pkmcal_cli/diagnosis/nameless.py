@@ -1,9 +1,9 @@
 """Where the catalogue ends: a displacement without a name, where it explains the table and no set of effects does.
 
 It competes with what was accepted by evidence, all together and each alone, and with a smooth field over the pose,
-steps and oscillations in time. At the site of a named effect that has nearly the evidence, if it may deviate a little
-from its formula, it is this effect; where one that may have any curve explains most of it, it is in the fit as the
-effect's own shape, and has its name.
+steps and oscillations in time. At the site of a named effect that explains nearly as much, and has nearly the evidence
+if it may deviate a little from its formula, it is this effect; where one that may have any curve explains most of it,
+it is in the fit as the effect's own shape, and has its name.
 """
 
 from __future__ import annotations
@@ -44,7 +44,8 @@ from pkmcal_cli.model.effect_sites import PlacedEffect
 _BETTER = 7.0  # log evidence by which a shape must be better than what it replaces
 _SURE, _LEFT = 1e-2, 1e-3  # chance of the residual, of noise alone, before and after a shape that explains the table
 _LEFT_SHARE = 0.09  # share of what named effects explain that they may leave: shapes deviate by up to 30 %
-_MOST_SHARE = 0.7  # share of what a shape explains that a named effect does whose own shape it is
+_OWN_SHARE = 0.82  # share of what a shape explains that a named effect at its site does, to be what it shows
+_MOST_SHARE = 0.7  # the same, of an effect whose own shape it is
 _CREDIBLE = 0.95
 
 
@@ -66,8 +67,8 @@ def with_shape(search: Search, last: Scored) -> Search | None:
     gain, removed, shapes = max(ways, key=lambda way: way[0], default=(0.0, (), []))
     if gain <= _BETTER or _is_left_by_named(search, removed, shapes[0], last):
         return None
-    by_name, named = _at_its_site(search, removed, shapes[0], last)
-    if shapes[0].evidence < by_name + _BETTER:
+    shown, named = _at_its_site(search, removed, shapes[0], last)
+    if shown:
         return None
     after = _accepted(search, gain, removed, shapes, named)
     alone = next((way for way in ways if after is not None and _leaves_needless(after, search, way, shapes[0])), None)
@@ -101,8 +102,8 @@ def with_all_in_one(search: Search, first: Scored) -> Search:
     best = float(first.log_bayes.max(initial=0.0))
     if not shapes or shapes[0].evidence < best + _BETTER or not _stands_out(search, shapes[0], linear, scale):
         return search
-    by_name, named = _at_its_site(search, (), shapes[0], first)
-    if shapes[0].evidence < by_name + _BETTER:
+    shown, named = _at_its_site(search, (), shapes[0], first)
+    if shown:
         return search
     after = _accepted(search, shapes[0].evidence, (), shapes, named)
     return search if after is None or chance_of_noise(score_all(after, ()).linear) < _LEFT else after
@@ -143,22 +144,23 @@ def _removals(search: Search) -> Iterator[tuple[Hypothesis, ...]]:
 
 def _at_its_site(
     search: Search, removed: Sequence[Hypothesis], shape: FittedShape, last: Scored
-) -> tuple[float, Hypothesis | None]:
-    """Log evidence of the named effect at the site of a shape that has most; the one that may have any curve and
-    explains most of the shape, which then is its own.
+) -> tuple[bool, Hypothesis | None]:
+    """Whether a named effect at the site of a shape is what it shows; the effect whose own shape it is.
 
-    Effects may deviate from their formulas; of those that may have any curve this shape itself is what deviates.
+    Effects may deviate from their formulas: such a one has nearly the evidence of the shape, and by its formula alone
+    explains most of it. Of those that may have any curve the shape itself is what deviates.
     """
     site = _alike(search, shape)
     if not site:
-        return -np.inf, None
+        return False, None
     linear = linear_without(search, removed, site).prewhitened(last.linear.memory)
     scores = scored_by(last.scale, linear, site)
     any_curve = np.array([catalogue()[h.effect].any_curve for h in site])
     evidence = scores.log_bayes + np.where(any_curve, 0.0, shape_gains(search, scores))
     share = np.array([score.statistic for score in scores.scores]) / shape.statistic
+    shown = (share > _OWN_SHARE) & (evidence + _BETTER > shape.evidence)
     best = int(np.argmax(share))
-    return float(evidence.max()), site[best] if share[best] >= _MOST_SHARE and any_curve[best] else None
+    return bool(shown.any()), site[best] if share[best] >= _MOST_SHARE and any_curve[best] else None
 
 
 def _is_left_by_named(search: Search, removed: Sequence[Hypothesis], shape: FittedShape, last: Scored) -> bool:
