@@ -167,7 +167,9 @@ def _is_discrepancy(search: Search, scored: Scored, best: int) -> bool:
 
 
 def _evidence_of_shapes(search: Search, effects: Sequence[Hypothesis]) -> float:
-    """Log evidence that accepted effects deviate from their formulas, all together."""
+    """Log evidence that accepted effects deviate from their formulas, all together; without bound for far-off ones."""
+    if not set(effects) <= set(search.near):
+        return np.inf
     return sum(float(shape_gains(search, score_without(search, [h], [h]))[0]) for h in effects)
 
 
