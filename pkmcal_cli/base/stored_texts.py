@@ -20,7 +20,7 @@ class StoredTexts(Sequence[str]):
     def of_parts(cls, parts: Sequence[StoredTexts]) -> StoredTexts:
         """All texts of several, one after the other."""
         out = cls(())
-        lengths = [np.diff(part._ends.astype(np.int64), prepend=0) for part in parts]
+        lengths = [np.diff(part._ends, prepend=0) for part in parts]
         out._keep("".join(part._joined for part in parts), np.concatenate(lengths))
         return out
 

@@ -95,7 +95,7 @@ def period_of_travel(actuator: Actuator, nominal: Mapping[str, float]) -> float:
     """
     if actuator.period is not None:
         return as_travel(actuator.period, actuator, nominal)
-    if actuator.winds is None or actuator.radius is None:
+    if actuator.radius is None:
         return math.nan
     folds = 1.0 if actuator.folds is None else actuator.folds.number(nominal)
     return 2.0 * math.pi * actuator.radius.number(nominal) / folds
