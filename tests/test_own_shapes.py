@@ -52,8 +52,8 @@ def test_what_is_across_a_guide_is_its_straightness_where_the_catalogues_has_mos
 
 @pytest.mark.parametrize(("number", "at"), [(25, "q1"), (57, "q1"), (63, "rail4.y"), (65, "rail.y")])
 def test_a_shape_that_explains_much_more_than_any_name_comes_first(number: int, at: str) -> None:
-    """A slope is three quarters of a rise, and no scale; a turn of a carriage has 27 less log evidence than a rise of its
-    drive; waves of a guide are seen by a test for shapes, and by no test of the whole; a bump is 50 better."""
+    """A slope is three quarters of a rise, and no scale; a turn of a carriage has 27 less log evidence than a rise of
+    its drive; waves of a guide are seen by a test for shapes, and by no test of the whole; a bump is 50 better."""
     machine, seed, planted, _ = planted_case(number)
     d = diagnosed(campaign(machine, [planted], seed), seed)
     assert planted.at == at and d.verdict == "unknown"
