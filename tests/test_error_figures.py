@@ -102,6 +102,17 @@ def test_lengths_of_a_telescopic_leg() -> None:
     assert found.criterion == pytest.approx((by_hand**2).sum(), rel=1e-9)
 
 
+def test_a_force_is_no_coordinate_of_the_measured_pose() -> None:
+    """The leg of the Biglide again, whose drive also reads a force."""
+    name = overlay("biglide", "sensors: {motor: {kind: force, drive: q3, sigma: 1}}")
+    positions = shipped("biglide").positions[::9]
+    errors = np.random.default_rng(0).normal(size=(len(positions), 3)) * [1e-4, 1e-4, 50.0]
+    problem = off_by(name, positions, errors)
+    by_hand = 0.3 + positions[:, 2] - np.linalg.norm(problem.readings[:, :2] - [0.36, 0.65], axis=1)
+    assert [c.name for c in problem.model.channels][2] == "motor"
+    assert length_residuals(problem, problem.model.nominal)[:, 0] == pytest.approx(by_hand, abs=1e-12)
+
+
 def test_each_kind_of_instrument_has_figures_of_its_own() -> None:
     """A ballbar 3 um off and a wire -4 um are one kind, calipers, probes, a current and a torque are others."""
     more = """

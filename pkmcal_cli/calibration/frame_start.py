@@ -1,15 +1,17 @@
 """Where instruments of unknown pose stand, roughly: the rigid motion from nominal to measured positions.
 
-Kabsch 1976: the best rotation between two sets of points, by a singular value decomposition.
+Kabsch 1976: the best rotation between two sets of points, by a singular value decomposition. Where coordinates are
+missing, Gauss-Newton's method from the motions that turn axes onto axes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
+from itertools import permutations, product
 
 import numpy as np
 
-from pkmcal_cli.base.rotation import Array, best_rotation, exp, log
+from pkmcal_cli.base.rotation import Array, best_rotation, exp, log, skew
 from pkmcal_cli.calibration.fitted_frames import fitted_frames
 from pkmcal_cli.model.effect_sites import PlacedEffect
 from pkmcal_cli.model.model import Model
@@ -17,13 +19,15 @@ from pkmcal_cli.model.observed import PlacedSensor
 from pkmcal_cli.prediction import Rows, predict
 
 _FEWEST = 3  # points that fix a pose
+_SPARE = 2  # readings more than a pose has freedoms, where some coordinates are missing
+_STEPS = 30  # of Gauss-Newton's method, which takes some ten
 _MOVED = 1e-2  # sizes of the machine, or rad: by which an instrument was moved, and no error of geometry moves it
 
 
 def with_frames(model: Model, rows: Rows, readings: Array) -> Model:
     """The model with nominal poses of fitted frames that suit readings (N, C), nan where nothing was measured.
 
-    Sensors of which no three rows give all coordinates stay where they are.
+    Sensors of which rows give too few coordinates stay where they are.
     """
     nominal, known = model.nominal, model.by_name(model.nominal)
     fitted = [
@@ -45,10 +49,10 @@ def _pose(model: Model, effect: PlacedEffect, predicted: Array, readings: Array)
     axes = 2 if model.topology.planar else 3
     pairs = [_places(sensor, axes, predicted, readings) for sensor in model.sensors if sensor.name == effect.at]
     here, there = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
-    if len(here) < _FEWEST:
+    motion = _motion_of(here, there)
+    if motion is None:
         return {}
-    rotation = best_rotation(here - here.mean(axis=0), there - there.mean(axis=0))
-    shift = there.mean(axis=0) - rotation @ here.mean(axis=0)
+    rotation, shift = motion
     full = np.eye(3)
     full[:axes, :axes] = rotation
     vector = log(full[None])[0]
@@ -60,12 +64,57 @@ def _pose(model: Model, effect: PlacedEffect, predicted: Array, readings: Array)
 
 
 def _places(sensor: PlacedSensor, axes: int, predicted: Array, readings: Array) -> tuple[Array, Array]:
-    """Places (n, d) where a point is predicted and where it was measured, in the rows that have all coordinates."""
+    """Places (n, d) where a point is predicted and where it was measured, nan in coordinates that were not."""
     channels = [channel for channel, _ in sorted(sensor.places, key=lambda pair: pair[1])]
     if len(channels) < axes:
         return np.zeros((0, axes)), np.zeros((0, axes))
-    known = np.isfinite(readings[:, channels]).all(axis=1) & np.isfinite(predicted[:, channels]).all(axis=1)
+    known = np.isfinite(readings[:, channels]).any(axis=1) & np.isfinite(predicted[:, channels]).all(axis=1)
     return predicted[known][:, channels], readings[known][:, channels]
+
+
+def _motion_of(here: Array, there: Array) -> tuple[Array, Array] | None:
+    """Rotation (d, d) and shift (d,) that bring points `here` (n, d) closest to `there` (n, d), nan where not known.
+
+    None where too little is known.
+    """
+    whole = np.isfinite(there).all(axis=1)
+    if whole.sum() >= _FEWEST:
+        a, b = here[whole], there[whole]
+        rotation = best_rotation(a - a.mean(axis=0), b - b.mean(axis=0))
+        return rotation, b.mean(axis=0) - rotation @ a.mean(axis=0)
+    axes = here.shape[1]
+    freedoms = axes * (axes + 1) // 2
+    if len(here) < _FEWEST or np.isfinite(there).sum() < freedoms + _SPARE:
+        return None
+    ends = [end for turn in _axes_onto_axes(axes) if (end := _nearest_motion(turn, here, there)) is not None]
+    left, rotation, shift = min(ends, key=lambda end: end[0], default=(np.inf, np.eye(axes), np.zeros(axes)))
+    return (rotation, shift) if np.isfinite(left) else None
+
+
+def _axes_onto_axes(axes: int) -> Iterator[Array]:
+    """The rotations (d, d) that turn coordinate axes onto coordinate axes: 24 in space, 4 in the plane."""
+    for order in permutations(range(axes)):
+        for signs in product((1.0, -1.0), repeat=axes):
+            turn = np.eye(axes)[list(order)] * np.array(signs)[:, None]
+            if np.linalg.det(turn) > 0:
+                yield turn
+
+
+def _nearest_motion(rotation: Array, here: Array, there: Array) -> tuple[float, Array, Array] | None:
+    """Sum of squares left, rotation and shift where Gauss-Newton's method ends; None where the motion is not unique."""
+    axes, known = here.shape[1], np.isfinite(there)
+    shift = np.zeros(axes)
+    for _ in range(_STEPS):
+        turned = here @ rotation.T
+        by_turn = -skew(np.pad(turned, ((0, 0), (0, 3 - axes))))[:, :axes, 3 - axes * (axes - 1) // 2 :]
+        columns = np.concatenate([by_turn, np.broadcast_to(np.eye(axes), (len(here), axes, axes))], axis=2)[known]
+        step, _, rank, _ = np.linalg.lstsq(columns, (there - turned - shift)[known], rcond=1e-9)
+        if rank < columns.shape[1]:
+            return None
+        turn = np.pad(step[:-axes], (3 - len(step[:-axes]), 0))
+        rotation, shift = exp(turn[None])[0][:axes, :axes] @ rotation, shift + step[-axes:]
+    left = (there - here @ rotation.T - shift)[known]
+    return float(left @ left), rotation, shift
 
 
 def at_frames(values: Array, declared: Model, placed: Model) -> Array:

@@ -43,7 +43,7 @@ def poses_of(problem: Problem, values: Array, readings: Array) -> MeasuredPoses:
     poses = np.full((len(readings), len(DIRECTIONS)), np.nan)
     for k, channel in enumerate(model.channels):
         at = {Measurand.POSITION: model.measured.point, Measurand.ORIENTATION: model.measured.rotation}
-        if channel.index == at.get(channel.measurand, -1):
+        if channel.measurand in at and channel.index == at[channel.measurand]:
             poses[:, channel.component + (3 if channel.measurand is Measurand.ORIENTATION else 0)] = framed[:, k]
     motion, known = model.motion_of(model.measured), ~np.isnan(poses)
     held = motion.out_of([c for c, some in zip(DIRECTIONS, known.any(axis=0), strict=True) if some])

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.fitted_frames import fitted_frames
 from pkmcal_cli.calibration.misfit import residuals
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate
@@ -106,7 +107,8 @@ class Sample:
         return out
 
     def compared(self, readings: Array, predicted: Array) -> Array:
-        """As `seen`, of all channels; nan of unknown frames that cannot be brought back."""
+        """As `seen`, of all channels; nan of unknown frames that cannot be brought back, or are not known at all."""
+        readings = np.where(self._unplaced, np.nan, readings)
         out = np.where(np.isfinite(readings), self._nearest(readings, predicted), np.nan)
         out[:, self.of_unknown_frames] = np.nan
         for points in self.frames:
@@ -131,6 +133,18 @@ class Sample:
         """Channels of instruments that stand anywhere."""
         model = self.part.model
         return [int(k) for s in model.sensors if s.name in model.fitted_frames for k in s.channels]
+
+    @cached_property
+    def _unplaced(self) -> NDArray[np.bool_]:
+        """Cells (n, C) of instruments that stand anywhere in a session with too few readings to tell where."""
+        part, values = self.part, self.part.model.by_name(self.evaluation.values)
+        out = np.zeros(part.readings.shape, dtype=bool)
+        for effect in fitted_frames(part.model):
+            if effect.session and not any(values[n] for n in effect.parameters):
+                rows = part.rows.columns[f"session.{effect.session}"] > 0
+                for sensor in (s for s in part.model.sensors if s.name == effect.at):
+                    out[np.ix_(rows, np.asarray(sensor.channels))] = True
+        return out
 
     @cached_property
     def frames(self) -> list[list[list[int]]]:
