@@ -86,7 +86,7 @@ def _motion_of(here: Array, there: Array) -> tuple[Array, Array] | None:
     freedoms = axes * (axes + 1) // 2
     if len(here) < _FEWEST or np.isfinite(there).sum() < freedoms + _SPARE:
         return None
-    ends = [end for turn in _axes_onto_axes(axes) if (end := _nearest_motion(turn, here, there)) is not None]
+    ends = [end for begin in _axes_onto_axes(axes) if (end := _nearest_motion(begin, here, there)) is not None]
     left, rotation, shift = min(ends, key=lambda end: end[0], default=(np.inf, np.eye(axes), np.zeros(axes)))
     return (rotation, shift) if np.isfinite(left) else None
 
@@ -95,9 +95,9 @@ def _axes_onto_axes(axes: int) -> Iterator[Array]:
     """The rotations (d, d) that turn coordinate axes onto coordinate axes: 24 in space, 4 in the plane."""
     for order in permutations(range(axes)):
         for signs in product((1.0, -1.0), repeat=axes):
-            turn = np.eye(axes)[list(order)] * np.array(signs)[:, None]
-            if np.linalg.det(turn) > 0:
-                yield turn
+            rotation = np.eye(axes)[list(order)] * np.array(signs)[:, None]
+            if np.linalg.det(rotation) > 0:
+                yield rotation
 
 
 def _nearest_motion(rotation: Array, here: Array, there: Array) -> tuple[float, Array, Array] | None:
@@ -111,8 +111,8 @@ def _nearest_motion(rotation: Array, here: Array, there: Array) -> tuple[float, 
         step, _, rank, _ = np.linalg.lstsq(columns, (there - turned - shift)[known], rcond=1e-9)
         if rank < columns.shape[1]:
             return None
-        turn = np.pad(step[:-axes], (3 - len(step[:-axes]), 0))
-        rotation, shift = exp(turn[None])[0][:axes, :axes] @ rotation, shift + step[-axes:]
+        about = np.pad(step[:-axes], (3 - len(step[:-axes]), 0))
+        rotation, shift = exp(about[None])[0][:axes, :axes] @ rotation, shift + step[-axes:]
     left = (there - here @ rotation.T - shift)[known]
     return float(left @ left), rotation, shift
 

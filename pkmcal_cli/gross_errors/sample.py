@@ -90,10 +90,10 @@ class Sample:
         each = np.where(self.evaluation.prediction.solved, each, np.inf)[known]
         return self.gross and len(each) >= _FEWEST and int((each > GROSS).sum()) <= max(1, int(_FEW * len(each)))
 
-    @property
+    @cached_property
     def readings(self) -> Array:
-        """What was measured (n, C), nan elsewhere."""
-        return np.where(self.part.measured, self.part.readings, np.nan)
+        """What was measured (n, C), nan elsewhere, and of instruments that stand nobody knows where."""
+        return np.where(self.part.measured & ~self._unplaced, self.part.readings, np.nan)
 
     def seen(self, readings: Array, predicted: Array) -> Array:
         """Readings (n, C) as they compare with predictions: turns by the shorter way, unknown frames brought back.
@@ -107,8 +107,7 @@ class Sample:
         return out
 
     def compared(self, readings: Array, predicted: Array) -> Array:
-        """As `seen`, of all channels; nan of unknown frames that cannot be brought back, or are not known at all."""
-        readings = np.where(self._unplaced, np.nan, readings)
+        """As `seen`, of all channels; nan of unknown frames that cannot be brought back."""
         out = np.where(np.isfinite(readings), self._nearest(readings, predicted), np.nan)
         out[:, self.of_unknown_frames] = np.nan
         for points in self.frames:
