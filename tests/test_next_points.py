@@ -13,7 +13,7 @@ from pkmcal_cli.calibration.problem import design_problem
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.workflow import approaches
-from pkmcal_cli.workflow.next_points import NextPoints, _Outlook, next_points
+from pkmcal_cli.workflow.next_points import NextPoints, next_points
 from tests.command import clean, run
 from tests.next_campaigns import BOX, CASES, LIMIT, MACHINE, NAME, SIGMA, Case, Knowing, grown, measured, table
 from tests.truth.generate import campaigns, grid
@@ -92,16 +92,6 @@ def test_where_nothing_could_be_measured_nothing_is_proposed(tmp_path: Path) -> 
     found = asked(tmp_path / "a.csv", readings, values, 5e-6)
     apart = np.abs(found.added.points.rows.readings[:, None] - lost[None]) / np.ptp(readings, axis=0)
     assert len(found.added.points) and (apart.max(axis=2) > 0.05).all()
-
-
-@pytest.mark.parametrize(("std", "planned", "noise"), [(48e-6, 33e-6, 1.0), (11e-6, 33e-6, 1.0), (25e-6, 15e-6, 1.1)])
-def test_what_is_promised_and_what_is_known(std: float, planned: float, noise: float) -> None:
-    """Information adds: of rows by their noise, of ranges as it is; a design that would do and does not, too."""
-    limit = LIMIT if std > LIMIT else std / 2
-    outlook = _Outlook.of(noise, planned, std, limit)
-    assert outlook.std(outlook.promised(limit)) == pytest.approx(limit, rel=1e-12)
-    rows = (noise * planned) ** -2
-    assert outlook.std(planned) == pytest.approx(std if std**-2 > rows or noise * planned <= limit else rows**-0.5)
 
 
 @pytest.mark.usefixtures("hasty")

@@ -37,6 +37,7 @@ from pkmcal_cli.report.parameters import parameter_unit
 from pkmcal_cli.workflow.approaches import Approaches
 from pkmcal_cli.workflow.arguments import selection
 from pkmcal_cli.workflow.candidate_points import candidate_points
+from pkmcal_cli.workflow.outlook import Outlook, held_std
 from pkmcal_cli.workflow.plan_aims import RequestedAim, fewest, requested_aim
 from pkmcal_cli.workflow.unsolved_rows import unsolved
 
@@ -173,6 +174,8 @@ def next_points(
         values=fit.robust.fit.values,
         selected=fit.robust.fit.selected,
         std=fit.intervals.std,
+        by_held=fit.budget.std_by_held,
+        held=fit.budget.held,
         noise=float(fit.budget.scales.typical_noise.max()) ** 0.5,
     )
     inputs = loaded.inputs | start.inputs | measured.inputs
@@ -193,13 +196,18 @@ def _doubted(model: Model) -> Model:
 
 @dataclass(frozen=True, kw_only=True)
 class _Campaign:
-    """What was measured, set values (n, A) that could not be, and what follows: values (P,), std (p,), noise."""
+    """What was measured, set values (n, A) that could not be, and what follows: values (P,), std (p,), noise.
+
+    by_held: the part (p,) of std that parameters add which are not identified, `held`.
+    """
 
     problem: Problem
     lost: Array
     values: Array
     selected: tuple[str, ...]
     std: Array
+    by_held: Array
+    held: tuple[str, ...]
     noise: float
 
     @property
@@ -211,13 +219,21 @@ class _Campaign:
         return np.nonzero(rows.session == rows.session[last])[0]
 
 
+    def held_after(self, further: Problem, name: str) -> float:
+        """What these add to the uncertainty of a parameter after further rows, SI, as the design has it."""
+        before, after = (
+            held_std(rows, self.values, self.selected, self.held, name)
+            for rows in (self.problem, with_rows(self.problem, further))
+        )
+        return float(self.by_held[self.selected.index(name)]) * (after / before if before > 0.0 else 1.0)
+
+
 def _proposed(loaded: LoadedMachine, campaign: _Campaign, goal: RequestedAim, budget: int, seed: int) -> NextPoints:
     """Next points by the design that the fitted machine asks for, with the noise that was seen."""
     ((name,),) = goal.aim.parameters
     assert goal.limit is not None
     std = float(campaign.std[campaign.selected.index(name)]) if name in campaign.selected else math.nan
     std = math.inf if math.isnan(std) else std
-    outlook = _Outlook.of(campaign.noise, _design_std(campaign, name), std, goal.limit)
     left = budget - len(campaign.problem) if std > goal.limit else 0
     size, own_seed = max(_POOL, 2 * left), seed + len(campaign.problem)
     pool, ways = candidate_points(loaded, campaign.problem, campaign.values, size, own_seed, campaign.going_on)
@@ -226,6 +242,8 @@ def _proposed(loaded: LoadedMachine, campaign: _Campaign, goal: RequestedAim, bu
     linear = linear_problem(with_rows(campaign.problem, pool), campaign.values, campaign.selected, [], None)
     blocks = whitened_blocks(linear, len(campaign.problem) + len(pool))
     chosen = best_points(linear, blocks, len(campaign.problem), goal.aim, max(left, 0), exchange=False)
+    held = campaign.held_after(pool.take(chosen.rows), name) if math.isfinite(std) else 0.0
+    outlook = Outlook.of(campaign.noise, _design_std(campaign, name), std, goal.limit, held)
     promised = replace(goal, limit=outlook.promised(goal.limit))
     chosen, reached = fewest(campaign.problem, pool, chosen, promised, campaign.values, campaign.selected)
     needed = len(chosen.rows)
@@ -244,40 +262,6 @@ def _design_std(campaign: _Campaign, name: str) -> float:
     observed = observability(campaign.problem, campaign.values, campaign.selected)
     k = observed.selected.index(name)
     return math.inf if observed.directions.undetermined()[k] else float(observed.std[k])
-
-
-@dataclass(frozen=True)
-class _Outlook:
-    """How what the rows of a design promise, at the stated noise, becomes what a fit of them knows.
-
-    factor: of the noise that was seen; known: information, 1/SI^2, that ranges add.
-    """
-
-    factor: float
-    known: float = 0.0
-
-    @classmethod
-    def of(cls, noise: float, planned: float, std: float, limit: float) -> _Outlook:
-        """By what the measured rows promised and what their fit knows, `std`, which is wanted to `limit`, SI.
-
-        What few rows leave to wide ranges, further ones do not; only where the design would do and the fit does not,
-        the excess stays.
-        """
-        if not (math.isfinite(planned) and math.isfinite(std)):
-            return cls(max(noise, 1.0))
-        if noise * planned <= limit < std:
-            return cls(std / planned)
-        return cls(noise, max(1.0 / std**2 - 1.0 / (noise * planned) ** 2, 0.0))
-
-    def promised(self, limit: float) -> float:
-        """What a design must promise so that its fit knows the parameter to a limit, SI."""
-        left = 1.0 / limit**2 - self.known
-        return 1.0 / (self.factor * math.sqrt(left)) if left > 0 else math.inf
-
-    def std(self, promised: float) -> float:
-        """What a fit knows, SI."""
-        every = self.known + (0.0 if math.isinf(promised) else 1.0 / (self.factor * promised) ** 2)
-        return 1.0 / math.sqrt(every) if every > 0 else math.inf
 
 
 def _far(readings: Array, campaign: _Campaign) -> NDArray[np.intp]:
