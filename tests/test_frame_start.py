@@ -64,3 +64,23 @@ def test_a_session_that_fixes_no_place_spoils_no_other(tmp_path: Path) -> None:
     done = run("calibrate", machine, table)
     assert done.code == 0 and "far from what" not in done.err and "converged" in done.err
     assert run("check", machine, table).err.count("farther") == 0
+
+
+def test_sessions_that_an_instrument_did_not_read_have_no_lines(tmp_path: Path) -> None:
+    """A camera reads beside the plate in the first of three sessions: the frames of the others are one line."""
+    machine, table = tmp_path / "m.yaml", tmp_path / "t.csv"
+    camera = "{kind: tcp, at: platform, reads: [x, y], sigma: 10 um, frame: fitted per session}"
+    machine.write_text(f"extends: {SCISSORS}\nsensors: {{camera: {camera}}}\n", encoding="utf-8")
+    lines = (MACHINES / "scissors.csv").read_text(encoding="utf-8").splitlines()
+    rows = [r for r in csv.reader(lines) if r and not r[0].startswith("#")]
+    x, y = (next(k for k, h in enumerate(rows[0]) if h.split(" ")[0] == c) for c in "xy")
+    heads = [f"grid.{h}" if h[0] in "xy" else h for h in rows[0]]
+    body = [[*heads, "session", "camera.x [mm]", "camera.y [mm]"]]
+    for k, row in enumerate(rows[1:]):
+        seen = [row[y], str(-float(row[x]))] if 3 * k < len(rows) else ["", ""]
+        body.append([*row, "abc"[3 * k // len(rows)], *seen])
+    with table.open("w", newline="", encoding="utf-8") as file:
+        csv.writer(file).writerows(body)
+    done = run("calibrate", machine, table, "--holdout", "none")
+    assert "frame@camera.tx[a]" in done.err and "frame@camera.tx[b]  " not in done.err
+    assert done.err.count("have no effect on these readings") == 1 and "and 3 more have no effect" in done.err

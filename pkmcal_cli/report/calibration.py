@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import asdict, replace
 from typing import Any
 
-from pkmcal_cli.base.plural import count
+from pkmcal_cli.base.plural import count, listed
 from pkmcal_cli.calibration.complete_fit import Calibration
 from pkmcal_cli.calibration.errors_before_after import error_figures
 from pkmcal_cli.calibration.holdout import HeldOut
@@ -33,6 +33,7 @@ from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.report.number_format import finite, readable, uncertain, unknown
 from pkmcal_cli.report.odd_readings import OddReadings
 from pkmcal_cli.report.parameters import (
+    NO_EFFECT,
     ParameterRow,
     combination_json,
     combination_text,
@@ -50,6 +51,7 @@ from pkmcal_cli.report.uncertainty_remarks import (
 )
 
 _WEAK, _MEMBERS = 3, 8  # weak combinations that are told one by one, if they have so few members
+_SILENT = 3  # parameters without effect that are told one by one
 _WORTH = 0.3  # share of the uncertainty by data from which on what is held has a column
 
 
@@ -146,11 +148,9 @@ class CalibrationReport:
         for name, value in zip(self.model.names, self.fit.values, strict=True):
             if text := sign_text(self.model, name, float(value), std.get(name)):
                 to.notes([text])
-        listed = combinations(self.fit.directions)
-        for c in listed:
-            if c.kind == "null":
-                to.say("undetermined: " + combination_text(self.model, c, self.fit, self.budget.covariance))
-        self._show_weak(to, [c for c in listed if c.kind == "weak"])
+        every = combinations(self.fit.directions)
+        self._show_null(to, [c for c in every if c.kind == "null"])
+        self._show_weak(to, [c for c in every if c.kind == "weak"])
         if self._held_head:
             to.say(held_text(self.budget))
         if self.ranges.doubtful:
@@ -173,6 +173,7 @@ class CalibrationReport:
         frames = tuple(f"frame@{name}." for name in self.model.fitted_frames)
         machine_rows = [r for r in selected if not r.name.startswith(frames)]
         stand = [r for r in selected if r.name.startswith(frames)]
+        stand = [r for r in stand if r.reason != NO_EFFECT] or stand  # in sessions that it did not read
         more = (*self._held_head, *self._interval_head)
         if machine_rows or not stand:
             heads = ("name", "nominal", "identified", *more, "range", "remark")
@@ -180,6 +181,15 @@ class CalibrationReport:
         if stand:
             cells = [self._row(r) for r in stand]
             to.table("Fitted frames", ("name", "fitted", *more, "remark"), [(c[0], *c[2:-2], c[-1]) for c in cells])
+
+    def _show_null(self, to: Reporter, null: list[Combination]) -> None:
+        """What the data do not determine; of many that have no effect, one line."""
+        silent = [c.names[0] for c in null if len(c.names) == 1]
+        if len(silent) > _SILENT:
+            to.say(f"undetermined: {listed(silent, _SILENT)} have no effect on these readings")
+            null = [c for c in null if len(c.names) > 1]
+        for c in null:
+            to.say("undetermined: " + combination_text(self.model, c, self.fit, self.budget.covariance))
 
     def _show_weak(self, to: Reporter, weak: list[Combination]) -> None:
         """What is held about nominal."""

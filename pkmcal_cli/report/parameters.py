@@ -21,6 +21,7 @@ from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _IN_PART = 0.1  # share of the variance from which on ranges are worth a word
 NOT_SELECTED = "not selected"
+NO_EFFECT = "no effect on these readings"
 _WEAK = "weak: "
 _FEW = 4  # names or terms that are listed one by one
 _FAR = 5.0  # ranges off nominal from which on a value is worth a word
@@ -142,7 +143,7 @@ def reasons_against(
                 out[name] = (
                     f"undetermined: cannot be separated from {_listed(others)}"
                     if others
-                    else "no effect on these readings"
+                    else NO_EFFECT
                 )
     for name, partners in _weak_partners(fit.directions).items():
         if name not in out:
