@@ -44,12 +44,17 @@ def positions(readings: Array, sides: Array) -> Array:
     return np.array([delta_pose(row, p) for row in true])
 
 
+def _sides(table: Path) -> Array:
+    """From which side set values are reached (N, 3); those that come from no side from below."""
+    plan = read_table(table)
+    sides = np.transpose([plan.numbers[f"dir.q{i}"] for i in (1, 2, 3)])
+    return np.where(sides == 0, 1.0, sides)
+
+
 def _seen(table: Path, seed: int) -> list[str]:
     """What the tracker reads at the rows of a table of set values: three cells a row."""
-    plan = read_table(table)
-    drives = [plan.numbers[f"q{i}"] for i in (1, 2, 3)]
-    sides = [plan.numbers[f"dir.q{i}"] for i in (1, 2, 3)]
-    seen = positions(np.transpose(drives), np.transpose(sides))
+    drives = [read_table(table).numbers[f"q{i}"] for i in (1, 2, 3)]
+    seen = positions(np.transpose(drives), _sides(table))
     seen = seen + SIGMA * np.random.default_rng(seed).normal(size=seen.shape)
     return [",".join(f"{v:.4f}" for v in at) for at in seen]
 
@@ -64,7 +69,7 @@ def measured(plan: Path) -> str:
 def after(commands: Path) -> str:
     """What is measured at corrected set values."""
     table, names = read_table(commands), [f"dir.q{i}" for i in (1, 2, 3)] + [f"q{i}" for i in (1, 2, 3)]
-    numbers = np.transpose([table.numbers[name] for name in names])
+    numbers = np.hstack([_sides(commands), np.transpose([table.numbers[name] for name in names[3:]])])
     rows = [
         f"{k},{','.join(f'{v:g}' for v in row[:3])},{','.join(f'{v:.4f}' for v in row[3:])},{at}"
         for k, (row, at) in enumerate(zip(numbers, _seen(commands, 22), strict=True), 1)

@@ -64,6 +64,18 @@ def test_the_reading_that_does_not_agree_is_named(calibration: str, tmp_path: Pa
 
 
 @pytest.mark.slow
+def test_readings_that_disagree_together_and_not_each(calibration: str, tmp_path: Path) -> None:
+    """Each is 1.5 sigma off, to either side by turns: within twice sigma, and far too much for all."""
+    plan, simulator = shipped("biglide"), generate.campaigns()["biglide"].machine
+    given, positions = plan.model.by_name(true_values("biglide", 1)), plan.positions[::3]
+    truth = simulator.forward(positions, {n: given.get(n, v) for n, v in simulator.nominal.items()}).tcp[:, :2]
+    off = 1.5 * np.asarray(plan.sigma) * np.where(np.indices(truth.shape).sum(axis=0) % 2, 1.0, -1.0)
+    head = ",".join(f"{n} [mm]" for n in (*(a.name for a in plan.model.actuators), "x", "y"))
+    np.savetxt(tmp_path / "a.csv", np.hstack([positions, truth + off]) / MM, delimiter=",", header=head, comments="")
+    done = run("check", BIGLIDE, tmp_path / "a.csv", "-p", calibration)
+    assert done.code == 1 and "; each is within 1, but not all together" in done.err
+
+
 def test_chi_square_has_its_level() -> None:
     """Errors of parameters are common to all rows: without their correlation the test would alarm much too often."""
     plan, machine = shipped("biglide"), generate.campaigns()["biglide"].machine

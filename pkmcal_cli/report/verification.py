@@ -121,10 +121,11 @@ class VerificationReport:
         row, k = (int(x) for x in np.unravel_index(np.argmax(self.normalised), self.normalised.shape))
         channel = v.problem.model.channels[k]
         off = readable(float(v.errors[row, k]), parse_unit(channel.unit))
-        others = int((self.normalised > 1).sum()) - 1
+        beyond = int((self.normalised > 1).sum())
         text = f"furthest off by its uncertainty: {channel.name} at {self.row_origin(row)}, by {off}"
-        beyond = f"{count(others, 'other reading')} beyond 1" if others else "all others are within 1"
-        return [f"{text}, E_n {self.normalised[row, k]:.3g}; {beyond}"]
+        others = f"{count(beyond - 1, 'other reading')} beyond 1" if beyond > 1 else "all others are within 1"
+        others = others if beyond else "each is within 1, but not all together"
+        return [f"{text}, E_n {self.normalised[row, k]:.3g}; {others}"]
 
     def _worst_point(self) -> list[str]:
         j = self.judged
