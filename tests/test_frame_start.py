@@ -61,8 +61,9 @@ def test_a_session_that_fixes_no_place_spoils_no_other(tmp_path: Path) -> None:
     body = [[*rows[0], "session"], *([*row, "b" if row is rows[-1] else "a"] for row in rows[1:])]
     with table.open("w", newline="", encoding="utf-8") as file:
         csv.writer(file).writerows(body)
-    done = run("calibrate", machine, table)
+    done = run("calibrate", machine, table, "--json")
     assert done.code == 0 and "far from what" not in done.err and "converged" in done.err
+    assert done.json["before"]["position"]["rms"] < 100.0, "um, without the row whose frame is not known"
     assert run("check", machine, table).err.count("farther") == 0
 
 

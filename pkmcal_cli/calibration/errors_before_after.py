@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.fitted_frames import of_unplaced
 from pkmcal_cli.calibration.measured_pose import measured_poses
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation
@@ -36,9 +37,12 @@ class ErrorFigures:
 def error_figures(problem: Problem, evaluation: Evaluation, lengths: bool = True) -> dict[str, ErrorFigures]:
     """Figures of every kind that was measured, and of the drives' lengths where the pose was.
 
-    Without rows of unknown side of approach, which are off by what nobody knows.
+    Without rows of unknown side of approach, which are off by what nobody knows, and readings of instruments that stand
+    nobody knows where.
     """
     problem = sided(problem)
+    if (unknown := of_unplaced(problem, evaluation.values)).any():
+        problem = replace(problem, measured=problem.measured & ~unknown)
     out: dict[str, ErrorFigures] = {}
     channels = problem.model.channels
     for name, columns in kinds_of(problem.model).items():

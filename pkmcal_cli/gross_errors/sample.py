@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration.fitted_frames import fitted_frames
+from pkmcal_cli.calibration.fitted_frames import of_unplaced
 from pkmcal_cli.calibration.misfit import residuals
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate
@@ -93,7 +93,8 @@ class Sample:
     @cached_property
     def readings(self) -> Array:
         """What was measured (n, C), nan elsewhere, and of instruments that stand nobody knows where."""
-        return np.where(self.part.measured & ~self._unplaced, self.part.readings, np.nan)
+        unknown = of_unplaced(self.part, self.evaluation.values)
+        return np.where(self.part.measured & ~unknown, self.part.readings, np.nan)
 
     def seen(self, readings: Array, predicted: Array) -> Array:
         """Readings (n, C) as they compare with predictions: turns by the shorter way, unknown frames brought back.
@@ -132,18 +133,6 @@ class Sample:
         """Channels of instruments that stand anywhere."""
         model = self.part.model
         return [int(k) for s in model.sensors if s.name in model.fitted_frames for k in s.channels]
-
-    @cached_property
-    def _unplaced(self) -> NDArray[np.bool_]:
-        """Cells (n, C) of instruments that stand anywhere in a session with too few readings to tell where."""
-        part, values = self.part, self.part.model.by_name(self.evaluation.values)
-        out = np.zeros(part.readings.shape, dtype=bool)
-        for effect in fitted_frames(part.model):
-            if effect.session and not any(values[n] for n in effect.parameters):
-                rows = part.rows.columns[f"session.{effect.session}"] > 0
-                for sensor in (s for s in part.model.sensors if s.name == effect.at):
-                    out[np.ix_(rows, np.asarray(sensor.channels))] = True
-        return out
 
     @cached_property
     def frames(self) -> list[list[list[int]]]:
