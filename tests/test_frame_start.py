@@ -63,7 +63,8 @@ def test_a_session_that_fixes_no_place_spoils_no_other(tmp_path: Path) -> None:
         csv.writer(file).writerows(body)
     done = run("calibrate", machine, table, "--json")
     assert done.code == 0 and "far from what" not in done.err and "converged" in done.err
-    assert done.json["before"]["position"]["rms"] < 100.0, "um, without the row whose frame is not known"
+    before = done.json["before"]["position"]
+    assert before["unit"] == "mm" and before["rms"] < 0.2, "without the row whose frame is not known"
     assert run("check", machine, table).err.count("farther") == 0
 
 
