@@ -114,7 +114,8 @@ def lines(text: str) -> list[object]:
 
 
 def named(d: Diagnosis) -> set[str]:
-    return {f.hypothesis.name for f in d.findings}
+    """Effects that are found, with the shape of the catalogue or one of their own."""
+    return {f.hypothesis.name for f in d.findings} | {s.named.name for s in d.named_shapes if s.named is not None}
 
 
 @pytest.mark.parametrize("line", lines(FOUND))

@@ -21,8 +21,10 @@ from pkmcal_cli.diagnosis.score import log_evidence
 from pkmcal_cli.diagnosis.scoring import (
     Scored,
     Search,
+    linear_without,
     score_all,
     score_without,
+    scored_by,
     shape_gains,
 )
 from pkmcal_cli.diagnosis.search_options import SearchOptions
@@ -163,14 +165,19 @@ def _is_discrepancy(search: Search, scored: Scored, best: int) -> bool:
     if score.count and not (insignificant and score.statistic < 0.5 * scored.scores[best].statistic):
         return False
     price = search.price([*search.accepted, hypothesis]) - search.price(search.accepted)
-    return bool(_evidence_of_shapes(search, others) >= scored.log_bayes[best] - price)
+    return bool(_evidence_of_shapes(search, others, scored) >= scored.log_bayes[best] - price)
 
 
-def _evidence_of_shapes(search: Search, effects: Sequence[Hypothesis]) -> float:
-    """Log evidence that accepted effects deviate from their formulas, all together; without bound for far-off ones."""
+def _evidence_of_shapes(search: Search, effects: Sequence[Hypothesis], near: Scored) -> float:
+    """Log evidence that accepted effects deviate from their formulas, all together, by the noise that is left with
+    them (`near`); without bound for far-off ones."""
     if not set(effects) <= set(search.near):
         return np.inf
-    return sum(float(shape_gains(search, score_without(search, [h], [h]))[0]) for h in effects)
+    gained = 0.0
+    for effect in effects:
+        linear = linear_without(search, [effect], [effect]).prewhitened(near.linear.memory)
+        gained += float(shape_gains(search, scored_by(near.scale, linear, [effect]))[0])
+    return gained
 
 
 def stands_on_one_row(scored: Scored, k: int) -> bool:

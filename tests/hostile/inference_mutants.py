@@ -284,6 +284,7 @@ INFERENCE = (
     ),
     Mutant("calibration/second_order.py", "positive if self.used else None", "positive", "tests/test_second_order.py"),
     Mutant("calibration/second_order.py", "before.T @ residual -", "0.0 -", "tests/test_second_order.py"),
-    Mutant("diagnosis/nameless.py", "share < _MOST_SHARE or", "False or", "tests/test_own_shapes.py"),
+    Mutant("diagnosis/nameless.py", "if share[best] >= _MOST_SHARE and", "if", "tests/test_own_shapes.py"),
+    Mutant("diagnosis/nameless.py", "(share > _OWN_SHARE) & (", "(", "tests/test_own_shapes.py"),
     Mutant("loading/covariates.py", "if lagging(model):", "if False:", "tests/test_second_order.py"),
 )
