@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.prediction import Rows, predict
+from pkmcal_cli.workflow.next_points import _Campaign
 from pkmcal_cli.workflow.outlook import Outlook, held_std
 from tests.campaigns import shipped
 from tests.next_campaigns import LIMIT
@@ -34,12 +36,15 @@ def test_what_held_parameters_add_stays_however_many_rows_follow() -> None:
     assert excess.std(8e-6) == pytest.approx(25e-6) and excess.std(excess.promised(22e-6)) == pytest.approx(22e-6)
 
 
-def test_what_held_parameters_add_is_what_they_move_in_a_fit() -> None:
-    """Each held length of the Scissors half a range off, and calibrated: they move l3 by as much, in quadrature."""
-    machine, rows = model("scissors"), Rows.at(shipped("scissors").positions)
+SELECTED, HELD = ("l3", "xa1", "xb1"), ("l1", "l2", "ya2")
+
+
+def without_noise(positions: Array) -> Problem:
+    """The nominal Scissors, read without noise."""
+    machine, rows = model("scissors"), Rows.at(positions)
     readings = predict(machine, machine.nominal, rows).values
     sigma = np.full(readings.shape, 1e-6)
-    problem = Problem(
+    return Problem(
         model=machine,
         rows=rows,
         readings=readings,
@@ -47,11 +52,38 @@ def test_what_held_parameters_add_is_what_they_move_in_a_fit() -> None:
         drive_sigma=0 * rows.readings,
         measured=sigma > 0,
     )
-    selected, held = ("l3", "xa1", "xb1"), ("l1", "l2", "ya2")
-    moved = []
-    for name in held:
-        off, k = machine.nominal, machine.names.index(name)
-        off[k] += 0.05 * machine.ranges[k]
-        moved.append(10 * (identify(problem, selected, off).values - machine.nominal)[machine.names.index("l3")])
-    found = held_std(problem, machine.nominal, selected, held, "l3")
-    assert found == pytest.approx(np.linalg.norm(moved), rel=0.01) and found > 1e-6
+
+
+def moved(problem: Problem) -> float:
+    """By how much l3 moves in fits where held lengths are half a range off, each alone, in quadrature, m."""
+    machine, off = problem.model, []
+    for name in HELD:
+        values, k = machine.nominal, machine.names.index(name)
+        values[k] += 0.05 * machine.ranges[k]
+        off.append(10 * (identify(problem, SELECTED, values).values - machine.nominal)[machine.names.index("l3")])
+    return float(np.linalg.norm(off))
+
+
+def test_what_held_parameters_add_is_what_they_move_in_a_fit() -> None:
+    problem = without_noise(shipped("scissors").positions)
+    found = held_std(problem, problem.model.nominal, SELECTED, HELD, "l3")
+    assert found == pytest.approx(moved(problem), rel=0.01) and found > 1e-6
+
+
+def test_what_they_add_after_further_rows_is_foreseen() -> None:
+    """In proportion to what they move in fits of the rows that are there, and of all."""
+    positions = shipped("scissors").positions
+    some, others, every = (without_noise(p) for p in (positions[:12], positions[12:], positions))
+    campaign = _Campaign(
+        problem=some,
+        lost=np.zeros((0, 4)),
+        values=some.model.nominal,
+        selected=SELECTED,
+        std=np.full(3, 50e-6),
+        by_held=np.array([40e-6, 0.0, 0.0]),
+        held=HELD,
+        noise=1.0,
+    )
+    share = moved(every) / moved(some)
+    assert campaign.held_after(others, "l3") == pytest.approx(40e-6 * share, rel=0.02)
+    assert abs(share - 1) > 0.05
