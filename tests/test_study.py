@@ -150,6 +150,13 @@ def test_a_state_of_another_study_is_refused(tmp_path: Path) -> None:
         assert done.code == 3 and "this is not a state file" in done.err, text
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+@pytest.mark.parametrize("command", [("study", SCISSORS), ("plan", SCISSORS, "--power", "1")])
+def test_a_state_in_a_device_without_end_is_refused(command: tuple[str, ...]) -> None:
+    done = run(*command, "--state", "/dev/full")
+    assert done.code == 4 and "keeps nothing to resume from" in done.err and "help: " in done.err
+
+
 def test_results_that_were_changed_are_refused(tmp_path: Path) -> None:
     state = tmp_path / "state.json"
     asked = ("study", SCISSORS, "--points", "10", "--repeat", "2", "--state", state)

@@ -15,9 +15,9 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from pkmcal_cli import __version__
-from pkmcal_cli.base.errors import BadInput, Location, UsageError
+from pkmcal_cli.base.errors import BadInput, Location, OutputError, UsageError
 from pkmcal_cli.base.files import is_stream, open_input
-from pkmcal_cli.base.outputs import check_target, write_text
+from pkmcal_cli.base.outputs import check_target, takes_directly, write_text
 from pkmcal_cli.base.tasks import KeptWork
 from pkmcal_cli.base.workers import Workers
 from pkmcal_cli.report.console import Reporter
@@ -36,6 +36,8 @@ def check_state(file: str | None, inputs: Collection[str], *outputs: str | None)
     if is_stream(file):
         raise UsageError("--state: `-` is not a file to resume from", hint="name a file")
     check_target(file, inputs, force=True)
+    if takes_directly(file):
+        raise OutputError("this is a device or a pipe, which keeps nothing to resume from", file, "name a regular file")
     for other in outputs:
         if other is not None and os.path.realpath(other) == os.path.realpath(file):
             raise UsageError(f"--state: `{file}` is already used for another result", hint="choose another name")
