@@ -12,15 +12,20 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
 
+from pkmcal_cli.base.rotation import exp, log
+from pkmcal_cli.calibration.fitted_frames import parameter_errors
 from pkmcal_cli.diagnosis.power import PowerWork
+from pkmcal_cli.loading.load_machine import load_machine
 from pkmcal_cli.workflow.state import State
 from tests.command import ROOT, SCISSORS, TRIGLIDE, run, timeless
 from tests.json_schemas import faults_of
 
 PLAIN = TRIGLIDE.replace("triglide", "triglide-nonredundant")
+HEXAPOD = TRIGLIDE.replace("triglide", "hexapod7")
 BOX = ("--within", "x=0:950,y=160:390")
 
 
@@ -194,7 +199,22 @@ def test_an_instrument_that_stands_anywhere_leaves_no_more(tmp_path: Path) -> No
     """Metres away and turned, found as `calibrate` finds it; where it stands is no error of the machine."""
     free = tmp_path / "free.yaml"
     free.write_text(f"extends: {PLAIN}\nsensors: {{tracker: {{frame: fitted}}}}\n", encoding="utf-8")
-    told = results(PLAIN, str(free), *BOX, "--points", "40", "--repeat", "6")
+    told = results(PLAIN, str(free), *BOX, "--points", "40", "--repeat", "6", "--seed", "36")  # two beyond half a turn
     aligned, anywhere = told["cases"]
     assert anywhere["n_failed"] == 0 and [k["kind"] for k in anywhere["kinds"]] == ["length"]
     assert anywhere["kinds"][0]["mean"] < 3 * aligned["kinds"][0]["mean"]
+    frame = {p["name"]: p["mean"] for p in anywhere["parameters"] if p["name"].startswith("frame@tracker.r")}
+    assert frame and all(0 < angle < 1e-3 for angle in frame.values())  # whole turns are no error
+
+
+@pytest.mark.parametrize("turned", [(3.1, 0.0, 0.0), (0.0, 3.2, 1.0), (6.28, 0.0, 0.01), (0.0, 0.0, 0.0)])
+def test_errors_of_a_frame_are_the_rotation_that_is_left(turned: tuple[float, ...], tmp_path: Path) -> None:
+    """Whichever of the vectors of a rotation is found: near half a turn, beyond it, near a whole one."""
+    file = tmp_path / "free.yaml"
+    file.write_text(f"extends: {HEXAPOD}\nsensors: {{tracker: {{frame: fitted}}}}\n", encoding="utf-8")
+    model = load_machine(str(file)).model
+    at = [model.names.index(f"frame@tracker.r{c}") for c in "xyz"]
+    true, values = model.nominal, model.nominal
+    true[at], left = turned, np.array([1e-3, -2e-3, 3e-3])
+    values[at] = log(exp(left) @ exp(np.array(turned)))
+    assert parameter_errors(model, values, true)[at] == pytest.approx(left, abs=1e-9)

@@ -15,7 +15,7 @@ import numpy as np
 from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.stages import Observer, unobserved
-from pkmcal_cli.calibration.fitted_frames import frame_parameters
+from pkmcal_cli.calibration.fitted_frames import frame_parameters, parameter_errors
 from pkmcal_cli.calibration.frame_start import with_frames
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem, design_problem, usable
@@ -145,7 +145,7 @@ def _once(machine: StudiedMachine, readings: Array, drawn: dict[str, float], nor
     except (RowsFailed, np.linalg.LinAlgError):
         return None
     off = _tool_distance(machine.model, true, fit.values, Rows.at(readings[count:]))
-    errors = [*(float(v) for v in (fit.values - true)[machine.index]), off]
+    errors = [*(float(v) for v in parameter_errors(machine.model, fit.values, true)[machine.index]), off]
     return errors if fit.usable and all(map(isfinite, errors)) else None
 
 
