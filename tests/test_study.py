@@ -25,7 +25,7 @@ from tests.command import ROOT, SCISSORS, TRIGLIDE, run, timeless
 from tests.json_schemas import faults_of
 
 PLAIN = TRIGLIDE.replace("triglide", "triglide-nonredundant")
-HEXAPOD = TRIGLIDE.replace("triglide", "hexapod7")
+HEXAPOD, DELTA = (TRIGLIDE.replace("triglide", name) for name in ("hexapod7", "delta4"))
 BOX = ("--within", "x=0:950,y=160:390")
 
 
@@ -128,6 +128,8 @@ def test_stopped_it_goes_on_without_loss(tmp_path: Path, how: signal.Signals, jo
         ((SCISSORS, "--within", "x=5"), "is not a side of a box"),
         ((SCISSORS, "--within", "x=5:1"), "has no room"),
         ((SCISSORS, "--within", "u=1:5"), "--within: `u` is not a coordinate"),
+        ((DELTA, SCISSORS), "error[usage]: x and y and z cannot be held together"),
+        ((DELTA, SCISSORS, "--within", "z=-500:-450"), "error[usage]: --within: z cannot be held together"),
         ((TRIGLIDE,), "no workspace to draw points from"),
         ((SCISSORS, "--state", "-"), "--state"),
         ((SCISSORS, "--jobs", "2", "--cluster", "tcp://a:1"), "exclude"),
