@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from pkmcal_cli.base.errors import UsageError
+from pkmcal_cli.base.plural import with_article
 from pkmcal_cli.units.dimensions import ANGLE, FORCE, LENGTH, NUMBER, Dimension
 from pkmcal_cli.units.unit_text import Unit, UnitError, parse_value
 
@@ -18,7 +19,7 @@ def small_example(unit: Unit) -> str:
 
 def small_amount(dimension: Dimension) -> str:
     """A small value of a dimension, in words where none is at hand."""
-    return _SMALL.get(dimension, f"{'an' if dimension.name[0] in 'aeiou' else 'a'} {dimension.name}")
+    return _SMALL.get(dimension, with_article(dimension.name))
 
 
 def require_unit(option: str, text: str, stated: Unit, expected: Unit) -> None:
