@@ -157,6 +157,22 @@ def test_a_state_of_another_study_is_refused(tmp_path: Path) -> None:
         assert done.code == 3 and "this is not a state file" in done.err, text
 
 
+def test_a_state_of_other_files_says_which(tmp_path: Path) -> None:
+    """By content: a file of another name is the same."""
+    state, one, other, third = (tmp_path / name for name in ("state.json", "one.yaml", "other.yaml", "third.yaml"))
+    for k, file in enumerate((one, other, third)):
+        file.write_text(Path(SCISSORS).read_text(encoding="utf-8") + k * "# the same\n", encoding="utf-8")
+    asked = ("--points", "10", "--repeat", "2", "--state", state)
+    assert run("study", one, other, *asked).code == run("study", SCISSORS, other, *asked).code == 0
+    for files, told in (
+        ((other, one), f"its files were in another order, not `{other}`, `{one}`"),
+        ((one,), f"it was made from 2 files, not only from `{one}`"),
+        ((one, third), f"`{third}` has changed since, or was not part of it"),
+    ):
+        done = run("study", *files, *asked)
+        assert done.code == 3 and f"different run: {told}" in done.err, done.err
+
+
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
 @pytest.mark.parametrize("command", [("study", SCISSORS), ("plan", SCISSORS, "--power", "1")])
 def test_a_state_in_a_device_without_end_is_refused(command: tuple[str, ...]) -> None:

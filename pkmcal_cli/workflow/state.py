@@ -54,8 +54,7 @@ class State:
     @classmethod
     def read(cls, file: str | None, command: str, asked: Mapping[str, Any], inputs: Mapping[str, str]) -> State:
         """What is kept of a work, nothing where there is no file yet. Raises BadInput for a file of another work."""
-        files = hashlib.sha256(" ".join(inputs.values()).encode()).hexdigest()
-        head = {"command": command, "version": __version__, **_versions(), "inputs": files, **asked}
+        head = {"command": command, "version": __version__, **_versions(), "inputs": [*inputs.values()], **asked}
         asked = json.loads(json.dumps(head))
         if file is None or not os.path.exists(file):
             return cls(file, asked)
@@ -63,7 +62,8 @@ class State:
         for name in (*content["asked"], *asked):
             if content["asked"].get(name) != asked.get(name):
                 before, asked_now = content["asked"].get(name), asked.get(name)
-                message = f"this state belongs to a different run: {name} was {before}, now {asked_now}"
+                other = f"{name} was {before}, now {asked_now}" if name != "inputs" else _other_files(before, inputs)
+                message = f"this state belongs to a different run: {other}"
                 raise BadInput.single(message, Location(file), _OTHER, "state")
         if content.get("sha256") != _checksum(asked, content["results"]):
             raise _damaged(file)
@@ -76,6 +76,18 @@ class State:
             content = {"form": _FORM, "asked": self.asked, "sha256": checksum, "results": self.results}
             with write_text(self.file, (), force=True) as file:
                 file.write(json.dumps(content))
+
+
+def _other_files(before: Any, inputs: Mapping[str, str]) -> str:
+    """How files by name differ from those whose sha256 a state holds."""
+    known = before if isinstance(before, list) else []
+    new = [f"`{name}`" for name, digest in inputs.items() if digest not in known]
+    if new:
+        words = "has changed since, or was not" if len(new) == 1 else "have changed since, or were not"
+        return f"{' and '.join(new)} {words} part of it"
+    if set(known) - set(inputs.values()):
+        return f"it was made from {len(known)} files, not only from {' and '.join(f'`{n}`' for n in inputs)}"
+    return f"its files were in another order, not {', '.join(f'`{n}`' for n in inputs)}"
 
 
 def _checksum(asked: Mapping[str, Any], results: Mapping[Any, Any]) -> str:
