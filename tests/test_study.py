@@ -236,3 +236,39 @@ def test_errors_of_a_frame_are_the_rotation_that_is_left(turned: tuple[float, ..
     true[at], left = turned, np.array([1e-3, -2e-3, 3e-3])
     values[at] = log(exp(left) @ exp(np.array(turned)))
     assert parameter_errors(model, values, true)[at] == pytest.approx(left, abs=1e-9)
+
+
+STAGE = """\
+units: {length: mm, angle: deg, force: N}
+space: planar
+ranges: {length: 0.5 mm}
+parameters:
+  {a2x: 1200, a3x: 1150, a3y: 900, a4x: 50, a4y: 950, "o{i}": {each: {i: [1, 2, 3, 4]}, nominal: 400, range: 0.3},
+   p1x: {nominal: -120, range: 0.1}, p1y: {nominal: -80, range: 0.1}, p2x: {nominal: 120, range: 0.1},
+   p2y: {nominal: -80, range: 0.1}, p3x: {nominal: 120, range: 0.1}, p3y: {nominal: 80, range: 0.1},
+   p4x: {nominal: -120, range: 0.1}, p4y: {nominal: 80, range: 0.1}}
+ground: {A1: [0, 0], A2: [a2x, 0], A3: [a3x, a3y], A4: [a4x, a4y]}
+bodies: {plate: {at: [600, 450], points: {P1: [p1x, p1y], P2: [p2x, p2y], P3: [p3x, p3y], P4: [p4x, p4y]}}}
+bars: {"leg{i}": {each: {i: [1, 2, 3, 4]}, between: ["A{i}", "P{i}"], k: 8 N/um}}
+actuators:
+  {"q{i}": {each: {i: [1, 2, 3]}, drives: "leg{i}", offset: "o{i}"}, q4: {drives: leg4, offset: o4, redundant: true}}
+sensors: {tracker: {at: plate, reads: [x, y, rz], sigma: {position: 6 um, orientation: 25 urad}, frame: fitted}}
+tool_point: plate
+workspace: {box: {x: [450, 750], y: [330, 570], rz: [-10, 10]}}
+"""
+"""Few points leave its legs' ends two minima."""
+
+
+def test_false_minima_are_left_as_calibrate_leaves_them(tmp_path: Path) -> None:
+    file = tmp_path / "stage.yaml"
+    file.write_text(STAGE, encoding="utf-8")
+    (told,) = results(str(file), "--points", "12", "--repeat", "2", "--seed", "59")["cases"]
+    assert told["n_failed"] == 0 and told["tool"]["mean"] < 250, "by the false one of the second, a millimetre"
+
+
+def test_calibrations_that_leave_more_than_noise_are_in_no_mean(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pkmcal_cli.calibration.study._NEVER", 1.0)
+    done = run("study", SCISSORS, "--points", "10", "--repeat", "2", "--json")
+    (told,) = done.json["cases"]
+    assert done.code == 1 and (told["n_calibrations"], told["n_failed"], told["tool"]["mean"]) == (0, 2, None)
+    assert "no calibration has converged to what noise explains" in done.err

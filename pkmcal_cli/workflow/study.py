@@ -82,7 +82,7 @@ def run_study(request: StudyRequest) -> int:
     if request.as_json:
         emit_json(enveloped("study", report.verdict, report.json(), head))
     if report.verdict == "none_calibrated":
-        to.fail("no calibration has converged")
+        to.fail("no calibration has converged to what noise explains")
     return int(report.verdict == "none_calibrated")
 
 
