@@ -39,6 +39,9 @@ def test_a_first_row_without_a_side_is_told(tmp_path: Path, monkeypatch: pytest.
         assert done.json["sides_not_settled"] == count and ("come from no side" in done.err) == bool(count)
 
 
+NEXT = ("plan", SCISSORS, "t.csv", "--next", "--budget", "9", "--aim", "l3 5 um")
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
@@ -46,7 +49,10 @@ def test_a_first_row_without_a_side_is_told(tmp_path: Path, monkeypatch: pytest.
         (("correct", SCISSORS, "--grid", "4", "--as", "csv", "--feed", "5"), "--feed is for programs"),
         (("correct", SCISSORS, "--grid", "4", "--feed", "0"), "`--feed 1000`"),
         (("plan", SCISSORS, "--dwell", "5"), "--dwell is for programs"),
-        (("plan", SCISSORS, "t.csv", "--next", "--budget", "9", "--aim", "l3 5 um", "--points", "2"), "--next finds"),
+        ((*NEXT, "--points", "2"), "--next finds"),
+        ((*NEXT, "--power", "3"), "--power: --next simulates no campaigns"),
+        ((*NEXT, "--grid", "4"), "--grid: --next reads a table"),
+        ((*NEXT, "--jobs", "2"), "leave them out with `--next`"),
         (("correct", SCISSORS, "--grid", "4", "--at", "T=26 +- -1"), "is not a circumstance"),
     ],
 )  # fmt: skip

@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pkmcal_cli.base.errors import BadInput, OutputError
-from pkmcal_cli.base.files import sha256
+from pkmcal_cli.base.files import open_input, sha256
 from pkmcal_cli.base.outputs import check_target, write_text
 from pkmcal_cli.base.shipped import missing_hint
 from pkmcal_cli.csv_files.origin import Origin
@@ -204,3 +204,17 @@ def test_a_table_in_the_place_of_a_machine_is_told(tmp_path: Path) -> None:
     (tmp_path / "t.csv").write_text("q1 [mm],x [mm]\n1,2\n")
     done = run("calibrate", str(tmp_path / "t.csv"), TRIGLIDE)
     assert done.code == 3 and "name the machine file first, then tables" in done.err
+
+
+def test_devices_that_may_never_end_are_not_read() -> None:
+    """An empty one ends; so do pipes, whatever they are called."""
+    for name in ("/dev/zero", "/dev/urandom"):
+        with pytest.raises(BadInput, match="a device, not a file"), open_input(name):
+            pass
+    ends = os.pipe()
+    os.write(ends[1], b"x")
+    os.close(ends[1])
+    for name, content in (("/dev/null", b""), (f"/dev/fd/{ends[0]}", b"x")):
+        with open_input(name) as file:
+            assert file.read() == content
+    os.close(ends[0])

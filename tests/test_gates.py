@@ -86,6 +86,8 @@ def test_a_limit_that_cannot_be_judged_is_missed() -> None:
         ("heldout 20", "has no unit"),
         ("chi2 4 um", "is not a number"),
         ("heldout 20 rad", "nothing is measured in rad"),
+        ("heldout 5 N", 'help: give `--fail-above` as "heldout 20 um" (position)'),
+        ("heldout:position 20 rad", "no error `position` in rad"),
         ("heldout:orientation 20 rad", "no orientations were measured"),
         ("heldout -20 um", "is negative"),
         ("std 5 um", 'such as "heldout 20 um"'),

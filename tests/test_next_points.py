@@ -104,6 +104,7 @@ def test_a_command_that_is_asked_again(tmp_path: Path) -> None:
     for limit, budget in (("20 um", 40), ("1 m", 40), ("1 um", 12)):
         done = clean(run("plan", MACHINE, file, "--next", "--budget", budget, "--aim", f"l1 {limit}", "--json", "-q"))
         codes.append((done.code, done.json["status"]))
+        assert ("NOT REACHED within 12 rows: l1" in done.err) if done.code else not done.err, "even when quiet"
     assert codes == [(0, "continue"), (0, "reached"), (1, "not_reached")]
     assert SIGMA == 1e-5
 

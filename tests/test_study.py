@@ -12,15 +12,20 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
 
+from pkmcal_cli.base.rotation import exp, log
+from pkmcal_cli.calibration.fitted_frames import parameter_errors
 from pkmcal_cli.diagnosis.power import PowerWork
+from pkmcal_cli.loading.load_machine import load_machine
 from pkmcal_cli.workflow.state import State
 from tests.command import ROOT, SCISSORS, TRIGLIDE, run, timeless
 from tests.json_schemas import faults_of
 
 PLAIN = TRIGLIDE.replace("triglide", "triglide-nonredundant")
+HEXAPOD, DELTA = (TRIGLIDE.replace("triglide", name) for name in ("hexapod7", "delta4"))
 BOX = ("--within", "x=0:950,y=160:390")
 
 
@@ -123,6 +128,8 @@ def test_stopped_it_goes_on_without_loss(tmp_path: Path, how: signal.Signals, jo
         ((SCISSORS, "--within", "x=5"), "is not a side of a box"),
         ((SCISSORS, "--within", "x=5:1"), "has no room"),
         ((SCISSORS, "--within", "u=1:5"), "--within: `u` is not a coordinate"),
+        ((DELTA, SCISSORS), "error[usage]: x and y and z cannot be held together"),
+        ((DELTA, SCISSORS, "--within", "z=-500:-450"), "error[usage]: --within: z cannot be held together"),
         ((TRIGLIDE,), "no workspace to draw points from"),
         ((SCISSORS, "--state", "-"), "--state"),
         ((SCISSORS, "--jobs", "2", "--cluster", "tcp://a:1"), "exclude"),
@@ -148,6 +155,29 @@ def test_a_state_of_another_study_is_refused(tmp_path: Path) -> None:
         state.write_text(text)
         done = run(*asked)
         assert done.code == 3 and "this is not a state file" in done.err, text
+
+
+def test_a_state_of_other_files_says_which(tmp_path: Path) -> None:
+    """By content: a file of another name is the same."""
+    state, one, other, third = (tmp_path / name for name in ("state.json", "one.yaml", "other.yaml", "third.yaml"))
+    for k, file in enumerate((one, other, third)):
+        file.write_text(Path(SCISSORS).read_text(encoding="utf-8") + k * "# the same\n", encoding="utf-8")
+    asked = ("--points", "10", "--repeat", "2", "--state", state)
+    assert run("study", one, other, *asked).code == run("study", SCISSORS, other, *asked).code == 0
+    for files, told in (
+        ((other, one), f"its files were in another order, not `{other}`, `{one}`"),
+        ((one,), f"it was made from 2 files, not only from `{one}`"),
+        ((one, third), f"`{third}` has changed since, or was not part of it"),
+    ):
+        done = run("study", *files, *asked)
+        assert done.code == 3 and f"different run: {told}" in done.err, done.err
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+@pytest.mark.parametrize("command", [("study", SCISSORS), ("plan", SCISSORS, "--power", "1")])
+def test_a_state_in_a_device_without_end_is_refused(command: tuple[str, ...]) -> None:
+    done = run(*command, "--state", "/dev/full")
+    assert done.code == 4 and "keeps nothing to resume from" in done.err and "help: " in done.err
 
 
 def test_results_that_were_changed_are_refused(tmp_path: Path) -> None:
@@ -187,7 +217,58 @@ def test_an_instrument_that_stands_anywhere_leaves_no_more(tmp_path: Path) -> No
     """Metres away and turned, found as `calibrate` finds it; where it stands is no error of the machine."""
     free = tmp_path / "free.yaml"
     free.write_text(f"extends: {PLAIN}\nsensors: {{tracker: {{frame: fitted}}}}\n", encoding="utf-8")
-    told = results(PLAIN, str(free), *BOX, "--points", "40", "--repeat", "6")
+    told = results(PLAIN, str(free), *BOX, "--points", "40", "--repeat", "6", "--seed", "36")  # two beyond half a turn
     aligned, anywhere = told["cases"]
     assert anywhere["n_failed"] == 0 and [k["kind"] for k in anywhere["kinds"]] == ["length"]
     assert anywhere["kinds"][0]["mean"] < 3 * aligned["kinds"][0]["mean"]
+    frame = {p["name"]: p["mean"] for p in anywhere["parameters"] if p["name"].startswith("frame@tracker.r")}
+    assert frame and all(0 < angle < 1e-3 for angle in frame.values())  # whole turns are no error
+
+
+@pytest.mark.parametrize("turned", [(3.1, 0.0, 0.0), (0.0, 3.2, 1.0), (6.28, 0.0, 0.01), (0.0, 0.0, 0.0)])
+def test_errors_of_a_frame_are_the_rotation_that_is_left(turned: tuple[float, ...], tmp_path: Path) -> None:
+    """Whichever of the vectors of a rotation is found: near half a turn, beyond it, near a whole one."""
+    file = tmp_path / "free.yaml"
+    file.write_text(f"extends: {HEXAPOD}\nsensors: {{tracker: {{frame: fitted}}}}\n", encoding="utf-8")
+    model = load_machine(str(file)).model
+    at = [model.names.index(f"frame@tracker.r{c}") for c in "xyz"]
+    true, values = model.nominal, model.nominal
+    true[at], left = turned, np.array([1e-3, -2e-3, 3e-3])
+    values[at] = log(exp(left) @ exp(np.array(turned)))
+    assert parameter_errors(model, values, true)[at] == pytest.approx(left, abs=1e-9)
+
+
+STAGE = """\
+units: {length: mm, angle: deg, force: N}
+space: planar
+ranges: {length: 0.5 mm}
+parameters:
+  {a2x: 1200, a3x: 1150, a3y: 900, a4x: 50, a4y: 950, "o{i}": {each: {i: [1, 2, 3, 4]}, nominal: 400, range: 0.3},
+   p1x: {nominal: -120, range: 0.1}, p1y: {nominal: -80, range: 0.1}, p2x: {nominal: 120, range: 0.1},
+   p2y: {nominal: -80, range: 0.1}, p3x: {nominal: 120, range: 0.1}, p3y: {nominal: 80, range: 0.1},
+   p4x: {nominal: -120, range: 0.1}, p4y: {nominal: 80, range: 0.1}}
+ground: {A1: [0, 0], A2: [a2x, 0], A3: [a3x, a3y], A4: [a4x, a4y]}
+bodies: {plate: {at: [600, 450], points: {P1: [p1x, p1y], P2: [p2x, p2y], P3: [p3x, p3y], P4: [p4x, p4y]}}}
+bars: {"leg{i}": {each: {i: [1, 2, 3, 4]}, between: ["A{i}", "P{i}"], k: 8 N/um}}
+actuators:
+  {"q{i}": {each: {i: [1, 2, 3]}, drives: "leg{i}", offset: "o{i}"}, q4: {drives: leg4, offset: o4, redundant: true}}
+sensors: {tracker: {at: plate, reads: [x, y, rz], sigma: {position: 6 um, orientation: 25 urad}, frame: fitted}}
+tool_point: plate
+workspace: {box: {x: [450, 750], y: [330, 570], rz: [-10, 10]}}
+"""
+"""Few points leave its legs' ends two minima."""
+
+
+def test_false_minima_are_left_as_calibrate_leaves_them(tmp_path: Path) -> None:
+    file = tmp_path / "stage.yaml"
+    file.write_text(STAGE, encoding="utf-8")
+    (told,) = results(str(file), "--points", "12", "--repeat", "2", "--seed", "59")["cases"]
+    assert told["n_failed"] == 0 and told["tool"]["mean"] < 250, "by the false one of the second, a millimetre"
+
+
+def test_calibrations_that_leave_more_than_noise_are_in_no_mean(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pkmcal_cli.calibration.study._NEVER", 1.0)
+    done = run("study", SCISSORS, "--points", "10", "--repeat", "2", "--json")
+    (told,) = done.json["cases"]
+    assert done.code == 1 and (told["n_calibrations"], told["n_failed"], told["tool"]["mean"]) == (0, 2, None)
+    assert "no calibration has converged to what noise explains" in done.err

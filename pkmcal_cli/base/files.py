@@ -54,7 +54,7 @@ def readable(name: str) -> str:
 def open_input(source: Path | str) -> Iterator[BinaryIO]:
     """A file, or stdin for `-`, opened for reading bytes, and seekable: a pipe goes to a temporary file.
 
-    Raises BadInput where it cannot be read.
+    Raises BadInput where it cannot be read, and where it may never end.
     """
     if isinstance(source, AtHand):
         yield io.BytesIO(source.content)
@@ -62,6 +62,7 @@ def open_input(source: Path | str) -> Iterator[BinaryIO]:
     with contextlib.ExitStack() as stack:
         try:
             file: BinaryIO = sys.stdin.buffer if is_stream(source) else stack.enter_context(open(source, "rb"))
+            _check_ends(source, file)
             if is_stream(source) or not file.seekable():
                 spool = stack.enter_context(tempfile.TemporaryFile())
                 shutil.copyfileobj(file, spool, _BLOCK)
@@ -70,6 +71,18 @@ def open_input(source: Path | str) -> Iterator[BinaryIO]:
         except (OSError, ValueError) as error:
             raise _unreadable(source, error) from error
         yield file
+
+
+def _check_ends(source: Path | str, file: BinaryIO) -> None:
+    """Raises BadInput for a device: most never end. Not for a terminal, nor for one that is empty."""
+    try:
+        status = os.fstat(file.fileno())
+    except io.UnsupportedOperation:  # a program's own stdin
+        return
+    device = stat.S_ISCHR(status.st_mode) or stat.S_ISBLK(status.st_mode)
+    if device and not file.isatty() and status.st_rdev != os.stat(os.devnull).st_rdev:
+        message, hint = "this is a device, not a file", "give a file, a pipe, or `-` for stdin"
+        raise BadInput.single(message, Location(input_name(source), 1), hint, "file")
 
 
 def _unreadable(source: Path | str, error: OSError | ValueError) -> BadInput:

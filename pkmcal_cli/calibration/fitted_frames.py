@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.base.rotation import Array, exp, log
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.effects.instrument import FRAME
 from pkmcal_cli.model.effect_sites import PlacedEffect
@@ -39,3 +39,33 @@ def stands_anywhere(problem: Problem) -> bool:
     model, measured = problem.model, np.asarray(problem.measured.any(axis=0))  # (C,)
     reading = {s.name for s in model.sensors if any(measured[k] for k, _ in s.places)}
     return bool(reading) and reading <= model.fitted_frames
+
+
+def frame_motion(effect: PlacedEffect, values: Array) -> tuple[Array, Array]:
+    """Rotation vector and shift (3,) of a frame, from the values of its parameters."""
+    vectors = {"r": np.zeros(3), "t": np.zeros(3)}
+    for kind, axis, value in zip(*_components(effect), values, strict=True):
+        vectors[kind][axis] = value
+    return vectors["r"], vectors["t"]
+
+
+def parameter_errors(model: Model, values: Array, true: Array) -> Array:
+    """Errors (P,) of parameter values (P,); of rotations of fitted frames, the rotation that is left.
+
+    Rotation vectors that differ much may be the same rotation, or nearly.
+    """
+    errors: Array = values - true
+    for effect in fitted_frames(model):
+        at = [model.names.index(n) for n in effect.parameters]
+        (there, _), (here, _) = (frame_motion(effect, v[at]) for v in (values, true))
+        left = log(exp(there) @ exp(here).T)
+        for place, kind, axis in zip(at, *_components(effect), strict=True):
+            if kind == "r":
+                errors[place] = left[axis]
+    return errors
+
+
+def _components(effect: PlacedEffect) -> tuple[list[str], list[int]]:
+    """Of its parameters: `r` for rotations, `t` for shifts; the numbers of their axes."""
+    short = [name.partition("[")[0].rpartition(".")[2] for name in effect.parameters]
+    return [s[0] for s in short], ["xyz".index(s[1]) for s in short]

@@ -12,7 +12,7 @@ from itertools import permutations, product
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array, best_rotation, exp, log, skew
-from pkmcal_cli.calibration.fitted_frames import fitted_frames
+from pkmcal_cli.calibration.fitted_frames import fitted_frames, frame_motion
 from pkmcal_cli.model.effect_sites import PlacedEffect
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.observed import PlacedSensor
@@ -132,17 +132,8 @@ def moved_instruments(values: Array, declared: Model, placed: Model, selected: C
     for effect in fitted_frames(placed):
         at = [index[n] for n in effect.parameters]
         if set(selected).isdisjoint(effect.parameters) and (placed.nominal[at] != declared.nominal[at]).any():
-            (held, shift), (seen, shifted) = (_motion(effect, v[at]) for v in (values, placed.nominal))
+            (held, shift), (seen, shifted) = (frame_motion(effect, v[at]) for v in (values, placed.nominal))
             angle = float(np.linalg.norm(log(exp(held[None]).transpose(0, 2, 1) @ exp(seen[None]))))
             if max(float(np.linalg.norm(shifted - shift)) / placed.length, angle) > _MOVED:
                 moved.append(effect.name)
     return moved
-
-
-def _motion(effect: PlacedEffect, values: Array) -> tuple[Array, Array]:
-    """Rotation vector and shift (3,) of a frame, from the values of its parameters."""
-    vectors = {"r": np.zeros(3), "t": np.zeros(3)}
-    for name, value in zip(effect.parameters, values, strict=True):
-        short = name.partition("[")[0].rpartition(".")[2]
-        vectors[short[0]]["xyz".index(short[1])] = value
-    return vectors["r"], vectors["t"]

@@ -11,11 +11,14 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
+from scipy.special import chdtrc
 
 from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.stages import Observer, unobserved
-from pkmcal_cli.calibration.fitted_frames import frame_parameters
+from pkmcal_cli.calibration.complete_fit import FitOptions, calibrated
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.fitted_frames import frame_parameters, parameter_errors
 from pkmcal_cli.calibration.frame_start import with_frames
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem, design_problem, usable
@@ -29,9 +32,11 @@ from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 
 _ROUNDS = 40  # of points that are drawn; a region of which a machine reaches a tenth takes some ten
 
+_NEVER = 1e-9  # chance of residuals that no noise leaves
+
 Outcome = list[float] | None
 """Of one machine: errors of its parameters (p,), SI, and mean distance of the tool point at other points, m; None where
-the calibration has failed."""
+the calibration has failed, or leaves more than noise."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,12 +146,26 @@ def _once(machine: StudiedMachine, readings: Array, drawn: dict[str, float], nor
     true, count = machine.true_values(drawn), len(normal)
     problem = _placed(_measured(machine.problem(readings[:count]), true, normal), machine.selected)
     try:
-        fit = identify(problem, machine.selected)
+        fit = _fitted(problem, machine.selected)
     except (RowsFailed, np.linalg.LinAlgError):
         return None
     off = _tool_distance(machine.model, true, fit.values, Rows.at(readings[count:]))
-    errors = [*(float(v) for v in (fit.values - true)[machine.index]), off]
-    return errors if fit.usable and all(map(isfinite, errors)) else None
+    errors = [*(float(v) for v in parameter_errors(machine.model, fit.values, true)[machine.index]), off]
+    return errors if fit.usable and _explains(fit) and all(map(isfinite, errors)) else None
+
+
+def _fitted(problem: Problem, selected: tuple[str, ...]) -> Fit:
+    """The fit from nominal values; what that leaves beyond all noise, `calibrate` tries to explain otherwise."""
+    fit = identify(problem, selected)
+    if not fit.usable or _explains(fit):
+        return fit
+    session = np.zeros(len(problem), dtype=int)
+    return calibrated(problem, selected, problem.model.nominal, FitOptions(), session).robust.fit
+
+
+def _explains(fit: Fit) -> bool:
+    """Whether noise, which is as it is stated here, may leave so much: else it is a false minimum."""
+    return fit.dof <= 0 or float(chdtrc(fit.dof, fit.chi2)) > _NEVER
 
 
 def _measured(problem: Problem, true: Array, normal: Array) -> Problem:

@@ -5,15 +5,21 @@ from __future__ import annotations
 import math
 
 from pkmcal_cli.base.errors import UsageError
-from pkmcal_cli.units.dimensions import ANGLE, LENGTH, NUMBER, Dimension
+from pkmcal_cli.base.plural import with_article
+from pkmcal_cli.units.dimensions import ANGLE, FORCE, LENGTH, NUMBER, Dimension
 from pkmcal_cli.units.unit_text import Unit, UnitError, parse_value
 
-_SMALL = {LENGTH: "20 um", ANGLE: "50 urad"}
+_SMALL = {LENGTH: "20 um", ANGLE: "50 urad", FORCE: "5 N"}
 
 
 def small_example(unit: Unit) -> str:
     """A small value of a unit's dimension, as one writes it."""
     return _SMALL.get(unit.dimension, f"5 {unit.difference.text}")
+
+
+def small_amount(dimension: Dimension) -> str:
+    """A small value of a dimension, in words where none is at hand."""
+    return _SMALL.get(dimension, with_article(dimension.name))
 
 
 def require_unit(option: str, text: str, stated: Unit, expected: Unit) -> None:

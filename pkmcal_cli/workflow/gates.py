@@ -19,7 +19,7 @@ from pkmcal_cli.report.number_format import finite
 from pkmcal_cli.units.dimensions import LENGTH, NUMBER, Dimension
 from pkmcal_cli.units.file_units import DIMENSIONS
 from pkmcal_cli.units.unit_text import Unit, parse_unit
-from pkmcal_cli.workflow.amounts import amount, require_unit
+from pkmcal_cli.workflow.amounts import amount, require_unit, small_amount
 
 OPTION, MAX_RMS = "--fail-above", "--max-rms"
 KINDS = ("heldout", "fitted", "chi2", "std:NAME", "change")
@@ -166,16 +166,17 @@ def _check_error(gate: Gate, kinds: Mapping[str, Dimension]) -> None:
     """Whether an error that a limit names is measured. Raises UsageError."""
     fitting = [kind for kind, dimension in kinds.items() if dimension == gate.unit.dimension]
     if gate.kind and gate.kind not in fitting:
-        message = f"{gate.option}: no {gate.kind}s were measured" if gate.kind in ("position", "orientation") else ""
-        message = message or f"{gate.option}: no error `{gate.kind}` in {gate.unit.text}"
-        raise UsageError(message, hint=_instead(gate, kinds))
+        lacking = gate.kind in ("position", "orientation") and gate.kind not in kinds
+        message = f"no {gate.kind}s were measured" if lacking else f"no error `{gate.kind}` in {gate.unit.text}"
+        raise UsageError(f"{gate.option}: {message}", hint=_instead(gate, kinds))
     if not fitting:
         raise UsageError(f"{gate.option}: nothing is measured in {gate.unit.text}", hint=_instead(gate, kinds))
 
 
 def _instead(gate: Gate, kinds: Mapping[str, Dimension]) -> str:
-    measured = ", ".join(f"{kind} ({dimension.name})" for kind, dimension in kinds.items())
-    return f"leave out `{gate.option}`" + (f"; measured: {measured}" if measured else "")
+    """Limits of what is measured."""
+    some = [f'"{gate.figure} {small_amount(d)}" ({kind})' for kind, d in kinds.items() if d != NUMBER]
+    return f"give `{OPTION}` as {' or '.join(some)}" if some else f"leave out `{gate.option}`"
 
 
 def measured_kinds(problem: Problem) -> dict[str, Dimension]:

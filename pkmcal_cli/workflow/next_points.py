@@ -89,7 +89,7 @@ class NextPoints:
         if self.status == "reached":
             to.say(f"REACHED with {count(self.rows, 'row')}: {known}, {aim}")
         elif self.status == "not_reached":
-            to.say(f"NOT REACHED within {count(self.budget, 'row')}: {known}, {aim}; {self._remedy}")
+            to.fail(f"NOT REACHED within {count(self.budget, 'row')}: {known}, {aim}; {self._remedy}")
             if self.loaded.model.workspace is None and self.rows < self.budget:
                 to.say(_NO_WORKSPACE)
         else:

@@ -52,6 +52,7 @@ from pkmcal_cli.workflow.touched_poses import touching_poses
 
 _POOL = 400  # candidate points, at least; twice as many as are wanted
 _NEXT = 'write e.g. pkmcal plan M.yaml MEAS.csv --next --budget 40 --aim "l1 5 um"'
+_NOT_NEXT = {"points": "finds how many points are needed", "power": "simulates no campaigns", "grid": "reads a table"}
 _APART = "choose poses further inside the workspace, or check `force_limit`"
 
 
@@ -255,12 +256,14 @@ def _check(request: PlanRequest) -> None:
     if request.points is not None and request.aim is None:
         hint = "say what they are for, `--aim uncertainty`; so many poses in all, over the workspace: `--grid 40`"
         raise UsageError("--points: points are added for an aim, and none is given", hint=hint)
-    if request.points is not None and request.next:
-        raise UsageError("--points: --next finds how many points are needed", hint="leave out `--points`")
+    for option, why in _NOT_NEXT.items() if request.next else ():
+        if getattr(request, option):
+            raise UsageError(f"--{option}: --next {why}", hint=f"leave out `--{option}`")
     if request.budget is not None and not request.next:
         raise UsageError("--budget is for --next", hint=_NEXT)
     if (request.state or request.cluster or request.jobs != 1) and not request.power:
-        raise UsageError("--jobs, --cluster and --state are for simulated campaigns", hint="add `--power K`")
+        hint = "leave them out with `--next`" if request.next else "add `--power K`"
+        raise UsageError("--jobs, --cluster and --state are for simulated campaigns", hint=hint)
     check_form(request.as_form, request.dwell, request.feed)
     check_alpha(request.alpha)
     one_stdin(request.machine, request.poses, request.parameters)

@@ -15,9 +15,9 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from pkmcal_cli import __version__
-from pkmcal_cli.base.errors import BadInput, Location, UsageError
+from pkmcal_cli.base.errors import BadInput, Location, OutputError, UsageError
 from pkmcal_cli.base.files import is_stream, open_input
-from pkmcal_cli.base.outputs import check_target, write_text
+from pkmcal_cli.base.outputs import check_target, takes_directly, write_text
 from pkmcal_cli.base.tasks import KeptWork
 from pkmcal_cli.base.workers import Workers
 from pkmcal_cli.report.console import Reporter
@@ -36,6 +36,8 @@ def check_state(file: str | None, inputs: Collection[str], *outputs: str | None)
     if is_stream(file):
         raise UsageError("--state: `-` is not a file to resume from", hint="name a file")
     check_target(file, inputs, force=True)
+    if takes_directly(file):
+        raise OutputError("this is a device or a pipe, which keeps nothing to resume from", file, "name a regular file")
     for other in outputs:
         if other is not None and os.path.realpath(other) == os.path.realpath(file):
             raise UsageError(f"--state: `{file}` is already used for another result", hint="choose another name")
@@ -52,8 +54,7 @@ class State:
     @classmethod
     def read(cls, file: str | None, command: str, asked: Mapping[str, Any], inputs: Mapping[str, str]) -> State:
         """What is kept of a work, nothing where there is no file yet. Raises BadInput for a file of another work."""
-        files = hashlib.sha256(" ".join(inputs.values()).encode()).hexdigest()
-        head = {"command": command, "version": __version__, **_versions(), "inputs": files, **asked}
+        head = {"command": command, "version": __version__, **_versions(), "inputs": [*inputs.values()], **asked}
         asked = json.loads(json.dumps(head))
         if file is None or not os.path.exists(file):
             return cls(file, asked)
@@ -61,7 +62,8 @@ class State:
         for name in (*content["asked"], *asked):
             if content["asked"].get(name) != asked.get(name):
                 before, asked_now = content["asked"].get(name), asked.get(name)
-                message = f"this state belongs to a different run: {name} was {before}, now {asked_now}"
+                other = f"{name} was {before}, now {asked_now}" if name != "inputs" else _other_files(before, inputs)
+                message = f"this state belongs to a different run: {other}"
                 raise BadInput.single(message, Location(file), _OTHER, "state")
         if content.get("sha256") != _checksum(asked, content["results"]):
             raise _damaged(file)
@@ -74,6 +76,18 @@ class State:
             content = {"form": _FORM, "asked": self.asked, "sha256": checksum, "results": self.results}
             with write_text(self.file, (), force=True) as file:
                 file.write(json.dumps(content))
+
+
+def _other_files(before: Any, inputs: Mapping[str, str]) -> str:
+    """How files by name differ from those whose sha256 a state holds."""
+    known = before if isinstance(before, list) else []
+    new = [f"`{name}`" for name, digest in inputs.items() if digest not in known]
+    if new:
+        words = "has changed since, or was not" if len(new) == 1 else "have changed since, or were not"
+        return f"{' and '.join(new)} {words} part of it"
+    if set(known) - set(inputs.values()):
+        return f"it was made from {len(known)} files, not only from {' and '.join(f'`{n}`' for n in inputs)}"
+    return f"its files were in another order, not {', '.join(f'`{n}`' for n in inputs)}"
 
 
 def _checksum(asked: Mapping[str, Any], results: Mapping[Any, Any]) -> str:

@@ -82,7 +82,7 @@ def run_study(request: StudyRequest) -> int:
     if request.as_json:
         emit_json(enveloped("study", report.verdict, report.json(), head))
     if report.verdict == "none_calibrated":
-        to.fail("no calibration has converged")
+        to.fail("no calibration has converged to what noise explains")
     return int(report.verdict == "none_calibrated")
 
 
@@ -158,7 +158,10 @@ def _studied(name: str, loaded: LoadedMachine, request: StudyRequest, spread: tu
     held = motion.with_all(spread)
     if held is None:
         message = f"{' and '.join(spread)} cannot be held together by the tool point of {model.name}"
-        raise UsageError(f"--within: {message}", hint="compare machines whose tool points move in the same coordinates")
+        if request.within is not None:
+            raise UsageError(f"--within: {message}", hint="give coordinates that all tool points move in")
+        hint = 'give a box of coordinates that all tool points move in: `--within "x=0:950,y=160:390"`'
+        raise UsageError(message, hint=hint)
     return StudiedMachine(
         name=name,
         model=model,

@@ -16,8 +16,8 @@ region.low[] number: their lowest value, m or rad
 region.high[] number: their highest value
 cases[].machine text: a machine
 cases[].points integer: number of measured points
-cases[].n_calibrations integer: calibrations that converged
-cases[].n_failed integer: those that did not; they are in no mean
+cases[].n_calibrations integer: calibrations that converged, and leave noise
+cases[].n_failed integer: those that did not, or that leave more than noise (a false minimum); they are in no mean
 cases[].kinds[].kind text: dimension of parameters, as `length`
 cases[].kinds[].mean number?: mean absolute error of the machine's parameters of this kind, in `unit`; null if there is
     no calibration
