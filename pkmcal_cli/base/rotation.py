@@ -139,3 +139,10 @@ def best_rotation(here: Array, there: Array) -> Array:
     mirror = np.ones(here.shape[1])
     mirror[-1] = np.sign(np.linalg.det(left @ right))
     return np.asarray(right.T @ np.diag(mirror) @ left.T)
+
+
+def best_motion(here: Array, there: Array) -> tuple[Array, Array]:
+    """Rotation (d, d) and shift (d,) that bring points `here` (n, d) closest to `there` (n, d) (Kabsch 1976)."""
+    a, b = here.mean(axis=0), there.mean(axis=0)
+    rotation = best_rotation(here - a, there - b)
+    return rotation, b - rotation @ a

@@ -11,7 +11,7 @@ from itertools import permutations, product
 
 import numpy as np
 
-from pkmcal_cli.base.rotation import Array, best_rotation, exp, log, skew
+from pkmcal_cli.base.rotation import Array, best_motion, exp, log, skew
 from pkmcal_cli.calibration.fitted_frames import fitted_frames, frame_motion
 from pkmcal_cli.model.effect_sites import PlacedEffect
 from pkmcal_cli.model.model import Model
@@ -79,9 +79,7 @@ def _motion_of(here: Array, there: Array) -> tuple[Array, Array] | None:
     """
     whole = np.isfinite(there).all(axis=1)
     if whole.sum() >= _FEWEST:
-        a, b = here[whole], there[whole]
-        rotation = best_rotation(a - a.mean(axis=0), b - b.mean(axis=0))
-        return rotation, b.mean(axis=0) - rotation @ a.mean(axis=0)
+        return best_motion(here[whole], there[whole])
     axes = here.shape[1]
     freedoms = axes * (axes + 1) // 2
     if len(here) < _FEWEST or np.isfinite(there).sum() < freedoms + _SPARE:

@@ -11,7 +11,7 @@ from itertools import combinations
 
 import numpy as np
 
-from pkmcal_cli.base.rotation import best_rotation
+from pkmcal_cli.base.rotation import best_motion
 from pkmcal_cli.gross_errors.plausibility import (
     BETTER,
     EXPLAINED,
@@ -44,18 +44,11 @@ def brought_back(readings: FloatArray, predicted: FloatArray, points: Points) ->
     known = np.isfinite(here).all(axis=1) & np.isfinite(there).all(axis=1)
     if known.sum() < here.shape[1] + _SPARE:
         return out
-    rotation, shift = _motion(here[known], there[known])
+    rotation, shift = best_motion(here[known], there[known])
     moved = np.where(known[:, None], here @ rotation.T + shift, np.nan).reshape(len(points), len(readings), -1)
     for point, point_moved in zip(points, moved, strict=True):
         out[:, list(point)] = point_moved
     return out
-
-
-def _motion(here: FloatArray, there: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Rotation (d, d) and shift (d,) that bring points `here` (n, d) closest to `there`."""
-    a, b = here.mean(axis=0), there.mean(axis=0)
-    rotation = best_rotation(here - a, there - b)
-    return rotation, b - rotation @ a
 
 
 @dataclass(frozen=True)

@@ -123,8 +123,9 @@ class VerificationReport:
         off = readable(float(v.errors[row, k]), parse_unit(channel.unit))
         beyond = int((self.normalised > 1).sum())
         text = f"furthest off by its uncertainty: {channel.name} at {self.row_origin(row)}, by {off}"
-        others = f"{count(beyond - 1, 'other reading')} beyond 1" if beyond > 1 else "all others are within 1"
-        others = others if beyond else "each is within 1, but not all together"
+        others = f"{count(beyond - 1, 'other reading')} beyond 1"
+        if beyond < 2:
+            others = "all others are within 1" if beyond else "each is within 1, but not all together"
         return [f"{text}, E_n {self.normalised[row, k]:.3g}; {others}"]
 
     def _worst_point(self) -> list[str]:

@@ -218,7 +218,6 @@ class _Campaign:
         last = int(np.argmax(time)) if np.isfinite(time).all() else -1
         return np.nonzero(rows.session == rows.session[last])[0]
 
-
     def held_after(self, further: Problem, name: str) -> float:
         """What these add to the uncertainty of a parameter after further rows, SI, as the design has it."""
         before, after = (
