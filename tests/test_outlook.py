@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.complete_fit import FitOptions, calibrated
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.prediction import Rows, predict
 from pkmcal_cli.workflow.next_points import _Campaign
 from pkmcal_cli.workflow.outlook import Outlook, held_std
@@ -68,6 +70,17 @@ def test_what_held_parameters_add_is_what_they_move_in_a_fit() -> None:
     problem = without_noise(shipped("scissors").positions)
     found = held_std(problem, problem.model.nominal, SELECTED, HELD, "l3")
     assert found == pytest.approx(moved(problem), rel=0.01) and found > 1e-6
+
+
+def test_of_a_direction_that_ranges_hold_they_add_what_the_calibration_states() -> None:
+    """Of fourteen rows, which barely show one direction; the calibration weighs the ranges by what it has seen."""
+    problem = without_noise(shipped("scissors").positions[:14])
+    model, session = problem.model, np.zeros(14, dtype=int)
+    done = calibrated(problem, select(model, "auto"), model.nominal, FitOptions(), session)
+    fit, budget = done.robust.fit, done.budget
+    assert fit.directions.weak.any()
+    found = [held_std(problem, fit.values, fit.selected, budget.held, name) for name in fit.selected]
+    assert found == pytest.approx(np.linalg.norm(budget.by_held, axis=1), rel=0.15)
 
 
 def test_what_they_add_after_further_rows_is_foreseen() -> None:
