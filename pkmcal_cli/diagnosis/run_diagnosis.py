@@ -67,7 +67,7 @@ class Diagnosis:
     not_testable: tuple[tuple[str, str], ...]
     scale: Scale
     correlation: float  # of successive rows' noise; 0 where they are independent
-    same: dict[str, str]  # effects that are another name for a parameter, and its name
+    same: dict[str, str]  # names of effects and of parameters that are held, and the other name that stands for each
     suspected: dict[int, float]  # rows that are used but may be wrong, and the chance that any good one is as far off
     p_global: float  # of the residuals of `cleared`
     seed: int

@@ -52,8 +52,9 @@ class DiagnosisJson(DiagnosisValues):
             "detectable": [sizes_json(self.model, d) for d in diagnosis.detectable if d.tested],
             "invisible": [self._invisible_json(i) for i in diagnosis.invisible],
             "same_as": [
-                {"effect": name, "parameter": other.removeprefix(f"{RELEASE} ")}
-                for name, other in diagnosis.same.items()
+                {"effect": effect, "parameter": release.removeprefix(f"{RELEASE} ")}
+                for effect, release in map(_effect_first, diagnosis.same.items())
+                if release.startswith(RELEASE)
             ],
             "effective_tests": finite(diagnosis.search.tests),
             "seed": diagnosis.seed,
@@ -151,3 +152,9 @@ def _growth_json(noise: NoiseGrowth) -> dict[str, Any]:
         "unit": "um/m",
         "p_value": finite(noise.p_value),
     }
+
+
+def _effect_first(names: tuple[str, str]) -> tuple[str, str]:
+    """An effect and a parameter that are the same, whichever stands for the other."""
+    one, other = names
+    return (other, one) if one.startswith(RELEASE) else (one, other)
