@@ -26,10 +26,12 @@ _FORCES, _LEAST_FORCE = ("before", "after", "internal"), 1e-4
 _ROUNDED_FORCE = 1e-9
 _LEAST_ERRORS = {
     "errors": ("position", 1e-8),
+    "not_held": ("not_held", 1e-9),
     **dict.fromkeys(("before", "after", "heldout"), ("force", _ROUNDED_FORCE)),
     **{part: (part, _ROUNDED_FORCE) for part in ("channels_before", "channels_after")},
 }
-"""In the machine's units: what a search for set values leaves of a position, and the rounding of forces of kN."""
+"""In the outputs' units: what a search for set values leaves of a position, 1e-15 rad of rotations (in urad), and the
+rounding of forces of kN."""
 _DRAWN = 0.05  # of sizes by 500 drawn campaigns, whose draws follow rounding where machines have many directions
 _OF_THE_SMALLEST = 1e-8  # of those: the smallest singular value has the rounding of the largest
 _BY_RANK = ("mdb", "msb", "rival", "cosine", "parameter", "absorbed_by", "remark", "detected", "numbers", "worst")
