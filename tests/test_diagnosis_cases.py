@@ -195,6 +195,17 @@ def test_a_guide_that_is_inclined_is_found_about_its_middle() -> None:
     assert found.findings[0].estimate[0] == pytest.approx(150e-6, abs=4 * found.findings[0].std[0])
 
 
+@pytest.mark.parametrize(("rod", "k"), [("rod3", -0.9), pytest.param("rod5", -1.4, marks=pytest.mark.slow)])
+def test_a_rod_that_is_much_softer_than_its_range_says_is_named(rod: str, k: float) -> None:
+    """Declared to 4 %, less than the table could show, and softer by a factor of 2.5 or 4, as with a loose joint: the
+    effect, of which that is plausible, stands for the parameter, with its size."""
+    d = diagnosed(campaign("scissors", [Planted("stiffness", rod, {"k": k})], 1, scenario=Scenario(extra=0.0)), 1)
+    assert named(d) == {f"stiffness@{rod}"} and not d.unknown
+    assert d.same[f"release k{rod[-1]}"] == f"stiffness@{rod}"
+    (finding,) = d.findings
+    assert finding.estimate[0] == pytest.approx(k, abs=3 * finding.std[0])
+
+
 @pytest.mark.parametrize("line", lines(OUTSIDE))
 def test_what_is_in_no_catalogue_is_unknown(line: Line) -> None:
     _, d = line.diagnosis()
