@@ -23,8 +23,8 @@ def same_as_parameters(first: Scored) -> dict[str, str]:
     effects = [h for h in scores if h.effect != RELEASE]
     left_out: dict[str, str] = {}
     for release in sorted((h for h in scores if h.effect == RELEASE), key=lambda h: scores[h].far):
-        same = [h for h in effects if abs(float(direction[h] @ direction[release])) > _SAME and h.name not in left_out]
-        plausible = [h for h in same if scores[release].far and not scores[h].far]
+        same = [h for h in effects if abs(float(direction[h] @ direction[release])) > _SAME]
+        plausible = [h for h in same if scores[release].far and not scores[h].far and h.name not in left_out]
         stands = (*plausible, release)[0]
         left_out |= {h.name: stands.name for h in (*same, release) if h != stands}
     return left_out
