@@ -174,19 +174,21 @@ def _bumps(problem: Problem, fit: Fit) -> Family | None:
         if e.effect.enters in ("command", "guide") and e.at != ALL and not e.acts_in:
             placed.setdefault((e.effect.enters, e.at), e)
     units = unit_columns(problem, fit.values, fit.after.start, list(placed.values()))
-    columns, words = [], []
+    middle, width = np.array(list(_places())).T
+    columns, words = list[Array](), list[str]()
     for e in placed.values():
         of_effect = [u for u in units if u.placed is e]
         travel = np.stack([u.inputs.travel for u in of_effect], axis=1)  # (N, S)
         if np.isfinite(travel).all() and np.ptp(travel) > 0:
             share = (travel - travel.min()) / np.ptp(travel)
-            for middle, width in _places():
-                bumps = np.exp(-4 * np.log(2) * ((share - middle) / width) ** 2)
-                if (bumps.max(axis=1) > 0.5).sum() < _ROWS:
-                    continue  # these are odd rows
-                columns.append(sum(u.shaped(bumps[:, [s]])[:, 0] for s, u in enumerate(of_effect)))
-                words.append(f"local, {width * 100:.0f} % wide, at {100 * middle:.0f} % of the travel of {e.at}")
-    return Family(POSE, np.stack(columns, axis=1)[:, :, None], words) if columns else None  # type: ignore[arg-type]
+            bumps = np.exp(-4 * np.log(2) * ((share[:, :, None] - middle) / width) ** 2)  # (N, S, places)
+            wide = (bumps.max(axis=1) > 0.5).sum(axis=0) >= _ROWS  # on fewer rows they are odd rows
+            columns.append(np.sum([u.shaped(bumps[:, s, wide]) for s, u in enumerate(of_effect)], axis=0))
+            words += [
+                f"local, {w * 100:.0f} % wide, at {100 * m:.0f} % of the travel of {e.at}"
+                for m, w in zip(middle[wide], width[wide], strict=True)
+            ]
+    return Family(POSE, np.hstack(columns)[:, :, None], words) if words else None
 
 
 def _places() -> Iterator[tuple[float, float]]:

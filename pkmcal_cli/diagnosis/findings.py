@@ -20,7 +20,7 @@ from pkmcal_cli.diagnosis.refits import refit
 from pkmcal_cli.diagnosis.score import UNUSUAL
 from pkmcal_cli.diagnosis.scoring import Scored, Search, linear_without
 from pkmcal_cli.diagnosis.search_options import SearchOptions
-from pkmcal_cli.diagnosis.selection_bias import SelectedSize
+from pkmcal_cli.diagnosis.selection_bias import LARGEST, SelectedSize
 from pkmcal_cli.diagnosis.separable import Separable, separable
 from pkmcal_cli.diagnosis.stability import STABLE, Stability, stability
 from pkmcal_cli.diagnosis.trial import Procedure
@@ -194,7 +194,7 @@ def _selected(
     deviation = np.where(score.length2 > 0, estimate / without.linear.scale_of(hypothesis.parameters), 0.0)
     length = float(np.linalg.norm(deviation))
     size = float(np.sqrt(np.maximum(deviation @ score.whole @ deviation, 0.0) / variance))  # in std
-    if not score.count or not size > 0 or not abs(estimate[j]) > 0 or not np.isfinite(std[j]):
+    if not score.count or not 0 < size <= LARGEST or not abs(estimate[j]) > 0 or not np.isfinite(std[j]):
         return None
     detection = Detection(without.linear, search.problem, [hypothesis], seed)
     acceptance = detection.acceptance(0, deviation / length, Procedure(search.critical, without.scale))

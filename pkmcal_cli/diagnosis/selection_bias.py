@@ -17,7 +17,7 @@ _HALVINGS = 40
 _BEYOND = 6.0  # standard uncertainties, that a size is off by at most
 _STEP = 0.02
 _MATTERS = 0.05  # standard uncertainties by which sizes differ, from which on it is told
-_LARGEST = 15.0  # standard uncertainties, beyond which being found makes nothing larger
+LARGEST = 15.0  # standard uncertainties, beyond which being found makes nothing larger
 _RARE = 0.02  # chance of being told below which nothing can be said of what was
 
 
@@ -49,7 +49,7 @@ class Acceptance:
 
     def corrected(self, size: float) -> SelectedSize | None:
         """Of an estimate, in standard uncertainties; None where it does not matter, or nothing can be said."""
-        if size > _LARGEST or float(self.at(np.array(size))) < _RARE:
+        if size > LARGEST or float(self.at(np.array(size))) < _RARE:
             return None
         middle, low, high = (self._true_size(size, share) for share in (0.5, 0.025, 0.975))
         return None if size - middle < _MATTERS else SelectedSize(middle / size, low / size, high / size)

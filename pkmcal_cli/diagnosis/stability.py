@@ -24,6 +24,7 @@ _STRETCHES = 16  # of time
 _FEWEST = 8  # cells of the workspace; with fewer, rows are drawn
 _RIVALS = 12  # hypotheses with most evidence that compete in the resamples
 _EVERY = 1_000_000
+_NUMBERS = 2_000_000  # in memory at a time
 
 
 @dataclass(frozen=True)
@@ -55,10 +56,10 @@ def stability(
     rng = np.random.default_rng(seed)
     drawn = rng.multinomial(len(grams), np.full(len(grams), 1 / len(grams)), size=_DRAWS)
     weights = drawn.astype(float)
-    more = evidence[chosen] - _evidence(grams.sum(axis=0), counts, prior, pull, scores)
-    best_of = [
-        int(ranked(_evidence(np.tensordot(w, grams, 1), counts, prior, pull, scores) + more)[0]) for w in weights
-    ]
+    more = evidence[chosen] - _evidence(grams.sum(axis=0)[None], counts, prior, pull, scores)[0]
+    together = np.array_split(weights, 1 + _DRAWS * grams[0].size // _NUMBERS)
+    drawn_evidence = [_evidence(np.tensordot(w, grams, 1), counts, prior, pull, scores) + more for w in together]
+    best_of = [int(ranked(e)[0]) for e in np.vstack(drawn_evidence)]
     shares = np.bincount(best_of, minlength=len(chosen)) / len(weights)
     order = (int(k) for k in np.argsort(-shares, kind="stable") if shares[k] > 0 and not right[k])
     others = tuple((scores.hypotheses[chosen[k]], float(shares[k])) for k in order)
@@ -76,19 +77,21 @@ def _grams(scores: Scored, problem: Problem, hypothesis: Hypothesis, chosen: Seq
     return grams, [fixed.shape[1], *(c.shape[1] for c in columns)]
 
 
-def _evidence(gram: Array, counts: Sequence[int], prior: Array, pull: Array, scores: Scored) -> Array:
-    """Log evidence (H,) of hypotheses from one Gram matrix; prior (p, p) and pull (p,) of what is projected out."""
+def _evidence(grams: Array, counts: Sequence[int], prior: Array, pull: Array, scores: Scored) -> Array:
+    """Log evidence (D, H) of hypotheses from Gram matrices (D, q, q); prior (p, p) and pull (p,) of what is projected
+    out."""
     p = counts[0]
-    right = gram[:p, p:].copy()
-    right[:, -1] += pull
-    left = gram[p:, p:] - gram[p:, :p] @ np.linalg.solve(gram[:p, :p] + prior, right)
-    statistic, first = [], 0
-    for count in counts[1:]:
-        block = slice(first, first + count)
-        score = left[block, -1]
-        statistic.append(float(score @ np.linalg.lstsq(left[block, block], score, rcond=1e-9)[0]))
-        first += count
-    return log_evidence(np.array(statistic) / scores.scale.variance, np.array(counts[1:]))
+    right = grams[:, :p, p:].copy()
+    right[..., -1] += pull
+    left = grams[:, p:, p:] - grams[:, p:, :p] @ np.linalg.solve(grams[:, :p, :p] + prior, right)
+    starts, size = np.cumsum([0, *counts[1:-1]]), np.array(counts[1:])
+    statistic = np.zeros((len(grams), len(size)))
+    for k in np.unique(size):  # those of one size together
+        at = starts[size == k][:, None] + np.arange(k)  # (m, k)
+        score = left[:, at, -1]
+        inverse = np.linalg.pinv(left[:, at[:, :, None], at[:, None, :]], rcond=1e-9, hermitian=True)
+        statistic[:, size == k] = np.einsum("dmk,dmkl,dml->dm", score, inverse, score)
+    return log_evidence(statistic / scores.scale.variance, size)
 
 
 def _blocks(problem: Problem, hypothesis: Hypothesis) -> NDArray[np.intp]:
