@@ -194,7 +194,7 @@ def test_what_zeros_of_sessions_would_cost_is_seen_before_anything_is_measured()
         stds = {p["name"]: p["std"] for p in done["parameters"]}
         assert len(stds) == 2 * sessions
         if sessions == 1:
-            one = stds["z1"]
+            one = stds["z1[s0]"]
         else:
             assert [stds[f"z1[s{k}]"] for k in range(3)] == pytest.approx([one] * 3, rel=1e-6)
     planned = run("plan", "m.yaml", "poses.csv", "--select", "z1[s0],z1[s1]", "--json")

@@ -24,7 +24,7 @@ def problem_of(model: Model, measurements: Measurements) -> Problem:
 
     Of rows that are copies of each other one is measured. Raises BadInput where rows lack a circumstance of an effect.
     """
-    model = model.for_sessions(measurements.sessions)
+    model = model.for_sessions(measurements.named_sessions)
     require_filled(model, measurements)
     drives = np.array([a.sigma for a in model.actuators]).reshape(1, -1)
     drive_sigma = np.where(np.isnan(measurements.actuator_sigma), drives, measurements.actuator_sigma)

@@ -53,7 +53,8 @@ def correct(
     grid: Grid = None,
     parameters: Parameters = None,
     at: Annotated[
-        str | None, typer.Option("--at", metavar='"T=23,payload=40"', help='Circumstances; "T=23 +- 0.5": how sure.')
+        str | None,
+        typer.Option("--at", metavar='"T=23,session=may"', help='Circumstances, session; "T=23 +- 0.5": how sure.'),
     ] = None,
     redundant: Redundant = "min-force",
     as_format: AsFormat = None,

@@ -32,7 +32,7 @@ def with_covariates(rows: Rows, measurements: Measurements) -> Rows:
     columns = {name: np.asarray(column) for name, column in measurements.covariates.items()}
     for k, name in enumerate(measurements.sessions):
         columns[f"session.{name}"] = lean(np.asarray(measurements.session == k, dtype=float))
-    return replace(rows, columns=columns)
+    return replace(rows, columns=columns, unnamed=not measurements.named_sessions)
 
 
 def require_filled(model: Model, measurements: Measurements) -> None:

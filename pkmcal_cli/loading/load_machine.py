@@ -18,6 +18,7 @@ from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.loading.evidence import Evidence
 from pkmcal_cli.loading.unit_slips import unit_slips
+from pkmcal_cli.loading.unknown_sessions import NOTHING_UNKNOWN, UnknownSessions, unknown_sessions, with_ranges
 from pkmcal_cli.model.model import Model
 
 if TYPE_CHECKING:
@@ -107,7 +108,8 @@ def _raise_errors(kept: Sequence[Fault]) -> list[Fault]:
 class Start:
     """Parameter values (P,), SI, of a file or nominal; its sha256 by name; what is to be said of it.
 
-    covariance: names and matrix (p, p), SI, and evidence, where the file tells them.
+    covariance: names and matrix (p, p), SI, and evidence, where the file tells them. unknown: of which sessions it says
+    nothing.
     """
 
     values: Array
@@ -115,6 +117,7 @@ class Start:
     warnings: tuple[str, ...] = ()
     covariance: tuple[tuple[str, ...], Array] | None = None
     evidence: Evidence | None = None
+    unknown: UnknownSessions = NOTHING_UNKNOWN
 
 
 def load_parameters(model: Model, path: str | None) -> Start:
@@ -130,15 +133,26 @@ def load_parameters(model: Model, path: str | None) -> Start:
     warnings = list(read.ending.remarks(path))
     far = [p.name for p, v in zip(model.parameters, values, strict=True) if not p.bounds[0] <= v <= p.bounds[1]]
     warnings += [f"warning: {path}: parameters outside the bounds of the machine file: {', '.join(far)}"] if far else []
-    warnings += (
-        [f"note: {path}: values of other sessions are not used: {', '.join(read.others)}"] if read.others else []
-    )
+    warnings += [f"note: {path}: values of {_of_others(read.others)}"] if read.others else []
     if read.spoilt:
         lacking = "names, std and matrix are not all there, of one size"
         warnings.append(f"warning: {path}: `correlations`: {lacking}: the uncertainties in this file are not used")
     if not read.of_machine:
         warnings.append(f"note: {path}: no fingerprint: cannot check which machine these values belong to")
-    return Start(values, {read.file: read.sha256}, tuple(warnings), read.covariance, read.evidence)
+    unknown, covariance = NOTHING_UNKNOWN, read.covariance
+    if covariance is not None or read.others:
+        unknown = unknown_sessions(model, read.values, read.others)
+    if covariance is not None:
+        covariance = with_ranges(model, covariance, unknown.zeros)
+    return Start(values, {read.file: read.sha256}, tuple(warnings), covariance, read.evidence, unknown)
+
+
+def _of_others(names: Sequence[str]) -> str:
+    """What is said of values that are not used; a name without a session: of a table without the column `session`."""
+    sessions = [n for n in names if n.endswith("]")]
+    nameless = [n for n in names if n not in sessions]
+    words = [f"other sessions are not used: {', '.join(sessions)}"] if sessions else []
+    return "; of ".join(words + ([f"a session without a name are not used: {', '.join(nameless)}"] if nameless else []))
 
 
 def load_measurements(loaded: LoadedMachine, paths: Sequence[str]) -> Measurements:

@@ -160,10 +160,10 @@ def _remedy(machine: Fingerprint, of_file: Fingerprint) -> str:
 
 
 def _of_a_session(name: str, parameters: Sequence[ModelParameter]) -> bool:
-    """Whether a parameter is the instance, for a session that is not here, of one that every session has."""
-    shared = name.partition("[")[0]
-    per_session = {p.name for p in parameters if p.per_session} | {p.shared_name for p in parameters if p.session}
-    return name.endswith("]") and shared in per_session
+    """Whether a parameter is of a session that is not here, or of none where every session has its own."""
+    named = {p.shared_name for p in parameters if p.session}
+    shared = {p.name for p in parameters if p.per_session} | named
+    return name in named or (name.endswith("]") and name.partition("[")[0] in shared)
 
 
 def _covariance(node: SourceNode | None, known: Mapping[str, ModelParameter]) -> tuple[tuple[str, ...], Array] | None:

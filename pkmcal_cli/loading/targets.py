@@ -52,9 +52,9 @@ class Targets:
 
 
 def read_targets(
-    loaded: LoadedMachine, path: str | None, grid: str | None, at: Mapping[str, float], to: Listener
+    loaded: LoadedMachine, path: str | None, grid: str | None, at: Mapping[str, float], to: Listener, session: str = ""
 ) -> Targets:
-    """Targets of a table or of a grid; `at`: columns of all rows, SI. Raises UsageError and BadInput."""
+    """Targets of a table or of a grid; `at`: columns of all rows, SI; their session. Raises UsageError and BadInput."""
     if (path is None) == (grid is None):
         raise UsageError("give either a table of targets or --grid", hint='for example --grid "x=0:950:3,y=160:390:77"')
     motion = tool_motion(loaded)
@@ -62,7 +62,12 @@ def read_targets(
         message, _ = unusable_set(loaded, [])
         raise BadInput.single(message, Location(loaded.model.name), "a machine that moves can be corrected", "targets")
     targets = _of_grid(loaded, grid, to) if grid is not None else _of_table(loaded, path or "")
-    if twice := [name for name in at if name in targets.rows.columns]:
+    if session and "session" not in targets.covariates:
+        covariates = (*targets.covariates, "session")
+        targets = replace(targets, rows=targets.rows.of_session(session), covariates=covariates)
+    elif session:
+        at = {**at, "session": np.nan}
+    if twice := [name for name in at if name in (*targets.rows.columns, *targets.covariates)]:
         message = f"--at: the table has a column `{twice[0]}`"
         raise UsageError(message, hint="give a circumstance in the table or with `--at`, not in both")
     in_table, by_option = (tuple(without_effect(loaded.model, names)) for names in (_circumstances(targets), at))

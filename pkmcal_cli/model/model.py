@@ -107,8 +107,8 @@ class Model:
         return tuple(dict.fromkeys(p.session for p in self.parameters if p.session))
 
     def for_sessions(self, names: tuple[str, ...]) -> Model:
-        """The model with an instance for each session of parameters and effects that have one; as it is for one."""
-        if len(names) < 2 or not any(p.per_session for p in self.parameters):
+        """The model with an instance for each session of parameters and effects that have one; as it is for none."""
+        if not names or not any(p.per_session for p in self.parameters):
             return self
         effects, parameters = instances(self.effects, self.parameters, names)
         return self._with(_AT_NOMINAL, effects=effects, parameters=parameters)

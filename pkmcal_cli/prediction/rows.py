@@ -29,7 +29,7 @@ class Rows:
     columns (N,): covariates that effects need, by name: "time", "T", "T.PART", "dir.ACTUATOR" (-1, 0, 1), "payload",
     "spindle", "session.NAME" (1 in the rows of the session, else 0). partner (N,): the row that a measurement joins
     to this one, -1 without. measured (N, C): what instruments read, nan where nothing: of the rotation vectors of one
-    rotation, that nearer to it is predicted.
+    rotation, that nearer to it is predicted. unnamed: whether nobody named the session, whose name is then its file's.
     """
 
     readings: Array
@@ -37,6 +37,7 @@ class Rows:
     columns: Mapping[str, Array] = field(default_factory=dict)
     partner: NDArray[np.intp] | None = None
     measured: Array | None = None
+    unnamed: bool = False
 
     def __len__(self) -> int:
         return len(self.readings)
@@ -45,7 +46,8 @@ class Rows:
         """Some rows."""
         columns = {name: some_rows(column, rows) for name, column in self.columns.items()}
         measured = None if self.measured is None else self.measured[rows]
-        return Rows(self.readings[rows], some_rows(self.forces, rows), columns, self._partners(rows), measured)
+        forces, partners = some_rows(self.forces, rows), self._partners(rows)
+        return Rows(self.readings[rows], forces, columns, partners, measured, self.unnamed)
 
     def _partners(self, rows: slice | NDArray[np.intp]) -> NDArray[np.intp] | None:
         """Partners among some rows, by their numbers there."""
@@ -64,6 +66,16 @@ class Rows:
     def session_names(self) -> tuple[str, ...]:
         """Sessions in the order of their columns."""
         return tuple(n.removeprefix(_SESSION) for n in self.columns if n.startswith(_SESSION))
+
+    @property
+    def named_sessions(self) -> tuple[str, ...]:
+        """Those that a column or one of several files names: they have values of their own."""
+        return () if self.unnamed else self.session_names
+
+    def of_session(self, name: str) -> Rows:
+        """The same as rows of one session."""
+        columns = {**self.without_sessions().columns, f"{_SESSION}{name}": np.ones(len(self))}
+        return replace(self, columns=columns, unnamed=False)
 
     def session_numbers(self, names: Sequence[str]) -> NDArray[np.intp]:
         """Which of some sessions each row belongs to, (N,); 0 for rows of none."""
@@ -101,6 +113,7 @@ def joined_rows(parts: Sequence[Rows]) -> Rows:
         np.concatenate([part.forces for part in parts]),
         {n: np.concatenate([part.columns.get(n, np.full(len(part), np.nan)) for part in parts]) for n in names},
         np.concatenate(partners) if any(p.partner is not None for p in parts) else None,
+        unnamed=all(part.unnamed for part in parts),
     )
 
 

@@ -33,7 +33,7 @@ def drawing(results: Results) -> Section | None:
     readings = np.nan_to_num(problem.rows.readings)
     spread = np.maximum(np.ptp(readings, axis=0), 1e-12)
     order = np.argsort((((readings - np.median(readings, axis=0)) / spread) ** 2).sum(axis=1), kind="stable")
-    loaded = results.loaded.for_sessions(problem.rows.session_names)
+    loaded = results.loaded.for_sessions(problem.rows.named_sessions)
     for row in order[:_TRIED]:
         shape = machine_shape(loaded, fit.values, problem.rows, int(row))
         if not isinstance(shape, str):

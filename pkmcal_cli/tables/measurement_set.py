@@ -97,6 +97,11 @@ class Measurements:
         """The `id` of every row, "" without."""
         return self.labels.get("id", ("",) * len(self))
 
+    @property
+    def named_sessions(self) -> tuple[str, ...]:
+        """Sessions that the column or one of several files names; none where one file alone has no column."""
+        return self.sessions if len(self.sessions) > 1 or "session" in self.labels else ()
+
     def row_origin(self, row: int) -> str:
         """Where a row stands: "session1.csv:17", with its id "session1.csv:17 (p15)"."""
         name = self.labels["id"][row] if "id" in self.labels else ""

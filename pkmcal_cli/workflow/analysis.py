@@ -108,7 +108,7 @@ def _prepare(request: AnalysisRequest, to: Listener, machine: LoadedMachine | No
         _selected(request, loaded.model)
     stated = request.poses is not None or request.grid is not None
     poses = pose_set(to, loaded, request.poses, request.grid) if stated else default_poses(to, loaded)
-    loaded = loaded.for_sessions(poses.every.rows.session_names)
+    loaded = loaded.for_sessions(poses.every.rows.named_sessions)
     model, selected = loaded.model, _selected(request, loaded.model)
     start = load_parameters(model, request.parameters)
     for text in start.warnings:

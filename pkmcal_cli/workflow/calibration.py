@@ -147,7 +147,7 @@ def setting(request: CalibrationRequest, machine: LoadedMachine | None = None) -
     problem = by_method(problem_of(loaded.model, measured), method)
     selected = selection(problem.model, request.select)
     start = load_parameters(problem.model, request.parameters)
-    declared = loaded.model.for_sessions(measured.sessions)
+    declared = loaded.model.for_sessions(measured.named_sessions)
     start = replace(start, values=at_frames(start.values, declared, problem.model))
     kept: tuple[str, ...] = ()
     if request.fit_options.prior_file is not None:

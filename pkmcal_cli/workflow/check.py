@@ -82,7 +82,7 @@ def run_check(request: CheckRequest) -> int:
             result["measurements"] = {"n_rows": None}
             end = _End(to, as_json, result, inputs | _named_files(request))
             return _finish(end, faults + list(measured.faults), total + measured.total)
-        start = load_parameters(loaded.model.for_sessions(measured.sessions), request.parameters)
+        start = load_parameters(loaded.model.for_sessions(measured.named_sessions), request.parameters)
         table = check_tables(loaded, measured, start, to)
         result["measurements"], inputs = table.counts, inputs | measured.inputs | start.inputs
         faults, total = faults + table.faults, total + table.total

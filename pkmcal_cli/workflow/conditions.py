@@ -1,4 +1,4 @@
-"""Circumstances on the command line: `--at "T=23 +- 0.5,payload=40"`."""
+"""Circumstances on the command line: `--at "T=23 +- 0.5,payload=40,session=monday"`."""
 
 from __future__ import annotations
 
@@ -18,10 +18,11 @@ _SIDES = (-1.0, 1.0)
 
 @dataclass(frozen=True)
 class Conditions:
-    """Values and standard uncertainties of columns of all rows, SI."""
+    """Values and standard uncertainties of columns of all rows, SI; their session, "" where it says none."""
 
     values: Mapping[str, float] = field(default_factory=dict)
     std: Mapping[str, float] = field(default_factory=dict)
+    session: str = ""
 
 
 def conditions(machine: Machine, text: str | None) -> Conditions:
@@ -29,15 +30,13 @@ def conditions(machine: Machine, text: str | None) -> Conditions:
     values: dict[str, float] = {}
     std: dict[str, float] = {}
     known = {c.name: c for c in columns_of(machine) if c.role == "covariate" and c.name != "replicate"}
-    for part in (text or "").split(",") if text is not None else ():
-        name, equals, stated = (t.strip() for t in part.partition("="))
-        if not equals or not stated:
-            raise UsageError(f"--at: `{part.strip()}` is not a circumstance", hint=_EXAMPLE)
+    parts = _parts(text)
+    session = parts.pop("session", "")
+    for name, stated in parts.items():
         column = known.get(name) or temperature_column(name, machine)
         if column is None:
-            raise UsageError(f"--at: unknown circumstance `{name}`", hint=did_you_mean(name, known, _EXAMPLE))
-        if name in values:
-            raise UsageError(f"--at: `{name}` is given twice", hint="give every circumstance only once")
+            hint = did_you_mean(name, [*known, "session"], _EXAMPLE)
+            raise UsageError(f"--at: unknown circumstance `{name}`", hint=hint)
         value, *more = re.split(r"\+-|\u00b1", stated)
         unit = column.si_unit
         values[name] = _amount(name, value, unit)
@@ -46,8 +45,21 @@ def conditions(machine: Machine, text: str | None) -> Conditions:
         if more:
             std[name] = _amount(name, more[0], unit.difference)
             if len(more) > 1 or name.startswith("dir.") or std[name] < 0:
-                raise UsageError(f"--at: `{part.strip()}` is not a circumstance", hint=_EXAMPLE)
-    return Conditions(values, {name: u for name, u in std.items() if u > 0})
+                raise UsageError(f"--at: `{name}={stated}` is not a circumstance", hint=_EXAMPLE)
+    return Conditions(values, {name: u for name, u in std.items() if u > 0}, session)
+
+
+def _parts(text: str | None) -> dict[str, str]:
+    """What is stated, by name. Raises UsageError."""
+    parts: dict[str, str] = {}
+    for part in text.split(",") if text is not None else ():
+        name, equals, stated = (t.strip() for t in part.partition("="))
+        if not equals or not stated:
+            raise UsageError(f"--at: `{part.strip()}` is not a circumstance", hint=_EXAMPLE)
+        if name in parts:
+            raise UsageError(f"--at: `{name}` is given twice", hint="give every circumstance only once")
+        parts[name] = stated
+    return parts
 
 
 def _amount(name: str, text: str, expected: Unit) -> float:

@@ -156,12 +156,14 @@ def correction(request: CorrectionRequest, to: Listener, machine: LoadedMachine 
     for fault in loaded.warnings:
         to.warn(fault)
     stated = conditions(loaded.machine, request.at)
-    targets = read_targets(loaded, request.targets, request.grid, stated.values, to)
+    targets = read_targets(loaded, request.targets, request.grid, stated.values, to, stated.session)
     if request.as_format is not None:
         format_named(request.as_format).check(CommandedMachine(loaded, targets.held))
-    model = loaded.model.for_sessions(targets.rows.session_names)
+    model = loaded.model.for_sessions(targets.rows.named_sessions)
     start = load_parameters(model, request.parameters)
-    for text in start.warnings:
+    _check_session(stated.session, model, start, request.parameters)
+    unknown = start.unknown.warning(request.parameters or "", bool(targets.rows.named_sessions))
+    for text in (*start.warnings, *unknown):
         to.warn(text)
     to.notes(targets.notes)
     if (request.as_format or "").startswith(_PROGRAMS) and depends_on_sides(model):
@@ -172,6 +174,16 @@ def correction(request: CorrectionRequest, to: Listener, machine: LoadedMachine 
     return Corrected(
         loaded, CorrectionReport(model=model, start=start, targets=targets, result=result, choice=choice)
     )
+
+
+def _check_session(name: str, model: Model, start: Start, path: str | None) -> None:
+    """Whether a session of the command line is one of which something is known. Raises UsageError."""
+    known = dict.fromkeys([*start.unknown.known, *(e.acts_in for e in model.effects if e.acts_in and not e.session)])
+    if not name or name in known:
+        return
+    file = f"{path} says nothing of it" if path is not None else "there is no parameter file"
+    ways = f"name one of {', '.join(known)}" if known else "give `-p` of a calibration with the column `session`"
+    raise UsageError(f"--at: nothing is known of session `{name}`: {file}", hint=ways)
 
 
 def _assessed(

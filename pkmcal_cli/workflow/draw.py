@@ -63,7 +63,7 @@ def run_drawing(request: DrawingRequest) -> int:
     for fault in loaded.warnings:
         to.warn(fault)
     row = _row(request, loaded, to)
-    loaded = loaded.for_sessions(row.rows.session_names)
+    loaded = loaded.for_sessions(row.rows.named_sessions)
     start = load_parameters(loaded.model, request.parameters)
     for text in start.warnings:
         to.warn(text)

@@ -150,7 +150,7 @@ def next_points(
     loaded = load_machine(machine, receptive=True, tables=[table])
     measured = load_measurements(loaded, [table])
     to.notes(measured.notes)
-    loaded = loaded.for_sessions(measured.sessions)
+    loaded = loaded.for_sessions(measured.named_sessions)
     problem = problem_of(loaded.model, measured)
     if not problem.count:
         raise BadInput([nothing_measured(loaded, problem)])

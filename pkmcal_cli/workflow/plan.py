@@ -223,7 +223,7 @@ def _read(request: PlanRequest, to: Reporter) -> tuple[LoadedMachine, PoseSet]:
         selection(loaded.model, request.select)
     chosen = request.poses is None and request.grid is None and loaded.model.workspace is not None
     poses = default_poses(to, loaded) if chosen else pose_set(to, loaded, request.poses, request.grid)
-    return loaded.for_sessions(poses.every.rows.session_names), poses
+    return loaded.for_sessions(poses.every.rows.named_sessions), poses
 
 
 def _predicted(

@@ -209,7 +209,7 @@ def _verified(
         if set(measured.sha256) & set(calibrated.setting.measured.sha256):
             hint = "give rows that were measured after correction"
             raise UsageError(f"--after: the rows of `{request.after}` are those that were calibrated", hint=hint)
-        start = load_parameters(loaded.model.for_sessions(measured.sessions), str(file))
+        start = load_parameters(loaded.model.for_sessions(measured.named_sessions), str(file))
         verification = verify(loaded, measured, start, str(file), tolerance, Recorder())
     return verification, measured
 

@@ -111,7 +111,7 @@ def prepare(
 
 def _case(request: CaseRequest, loaded: LoadedMachine, measured: Measurements, loss: Loss, fewest: int) -> Case:
     """A table and all that may be missing. Raises PkmcalError."""
-    model = loaded.model.for_sessions(measured.sessions)
+    model = loaded.model.for_sessions(measured.named_sessions)
     selected = selection(model, request.select)
     candidates_ = candidates(model, select(model, request.select), measured)
     problem = with_unknown_sides(problem_of(candidates_.model, measured), selected)

@@ -41,7 +41,7 @@ def run_simulated_effects(machine: str, request: EffectsRequest) -> int:
     for fault in loaded.warnings:
         to.warn(fault)
     poses = _poses(loaded, request, to)
-    loaded = loaded.for_sessions(poses.every.rows.session_names)
+    loaded = loaded.for_sessions(poses.every.rows.named_sessions)
     model = loaded.model
     start = load_parameters(model, request.parameters)
     for text in start.warnings:

@@ -81,9 +81,10 @@ def simulation(
     source = PoseSource(loaded=loaded, to=to, path=request.poses, grid=request.grid)
     blocks = iter(source)
     first = next(blocks, None)  # so that its sessions are known, and the head can name the table with its sha256
-    model = loaded.model.for_sessions(first.rows.session_names if first is not None else ())
+    model = loaded.model.for_sessions(first.rows.named_sessions if first is not None else ())
     start = load_parameters(model, request.parameters)
-    for text in start.warnings:
+    named = first is not None and bool(first.rows.named_sessions)
+    for text in (*start.warnings, *start.unknown.warning(request.parameters or "", named)):
         to.warn(text)
     noise = Noise.of(model, request.noise, request.seed)
     names_others = first is not None and first.rows.partner is not None

@@ -149,7 +149,7 @@ def _loaded(file: str, to: Reporter) -> LoadedMachine:
         message = "`study` does not support machines with touch probes"
         raise BadInput.single(message, Location(model.name), "use `plan` and `simulate` instead", "sensors")
     tool_motion(loaded)
-    return loaded.for_sessions(Rows.at(model.reference_readings[None]).session_names)
+    return loaded.for_sessions(Rows.at(model.reference_readings[None]).named_sessions)
 
 
 def _studied(name: str, loaded: LoadedMachine, request: StudyRequest, spread: tuple[str, ...]) -> StudiedMachine:
