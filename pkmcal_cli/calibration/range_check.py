@@ -50,15 +50,17 @@ def range_check(problem: Problem, fit: Fit, budget: ErrorBudget) -> RangeCheck:
     model = problem.model
     index = [model.names.index(n) for n in fit.selected]
     ranges = model.ranges[index]
-    offsets = 2.0 * (fit.values - model.nominal)[index] / ranges
+    offsets = 2.0 * (fit.values - problem.nominal_at(fit.values))[index] / ranges
     rows = condensed(problem, fit.last).values[1]
-    spectrum = directions(rows, fit.selected, ranges)
+    spectrum = directions(rows, fit.selected, ranges, beside=problem.beside(fit.selected))
     moved = fit.directions.vectors[~fit.directions.held] * fit.directions.ranges / ranges  # what is held tells nothing
     known = np.linalg.qr(moved.T)[0].T if moved.size else moved  # (k, p)
     unranged = np.isin(fit.selected, list(frame_parameters(model)))
     known = null_space(known[:, unranged].T).T @ known if unranged.any() and known.size else known
     half, p = ranges / 2.0, len(ranges)
-    transfer = np.eye(p) + budget.by_own / half[:, None]  # what of an offset the estimate has
+    beside = problem.beside(fit.selected) if budget.datum else None
+    offset = np.eye(p) if beside is None else np.hstack([np.eye(p), beside])  # by what it is off
+    transfer = offset + budget.by_own / half[:, None]  # what of an offset the estimate has
     expected = transfer @ transfer.T + budget.noise_covariance / np.outer(half, half)
     by_held = budget.by_held / half[:, None]
     along, count = known @ offsets, len(known)
