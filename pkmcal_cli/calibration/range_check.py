@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.linalg import null_space
@@ -32,6 +32,7 @@ class RangeCheck:
     offsets: Mapping[str, float]
     kinds: frozenset[str]
     declared: Directions
+    widths: Mapping[str, float] = field(default_factory=dict)  # of offsets relative to a datum, in half ranges; else 1
 
     @property
     def doubtful(self) -> bool:
@@ -42,7 +43,11 @@ class RangeCheck:
     def far(self) -> dict[str, float]:
         """Offsets that nobody would expect, largest first."""
         by_size = sorted(self.offsets.items(), key=lambda item: -abs(item[1]))
-        return {name: offset for name, offset in by_size if abs(offset) > _FAR}
+        return {name: offset for name, offset in by_size if abs(offset) > _FAR * self.width(name)}
+
+    def width(self, name: str) -> float:
+        """Standard deviation of the offset of a parameter, in half ranges: with that of the datum it is relative to."""
+        return self.widths.get(name, 1.0)
 
 
 def range_check(problem: Problem, fit: Fit, budget: ErrorBudget) -> RangeCheck:
@@ -76,4 +81,5 @@ def range_check(problem: Problem, fit: Fit, budget: ErrorBudget) -> RangeCheck:
     seen = {n: z for (n, z), gone in zip(named.items(), lost, strict=True) if not gone}
     judged = (model.parameters[k] for k, skipped in zip(index, unranged, strict=True) if not skipped)
     kinds = frozenset(p.kind or p.dimension for p in judged)
-    return RangeCheck(chance if np.isnan(chance) else min(chance, 1.0), factors, seen, kinds, spectrum)
+    widths = dict(zip(fit.selected, np.sqrt((offset**2).sum(axis=1)).tolist(), strict=True))
+    return RangeCheck(chance if np.isnan(chance) else min(chance, 1.0), factors, seen, kinds, spectrum, widths)
