@@ -52,7 +52,7 @@ def _proposal(model: Model, spectrum: Directions, name: str, others: tuple[str, 
     row = np.zeros(len(spectrum.names))
     row[k] = 1.0 / sigma
     before = spectrum.std_of_data()
-    jacobian = spectrum.singular_values[:, None] * spectrum.vectors / spectrum.ranges
+    jacobian = spectrum.singular_values[:, None] * spectrum.duals / spectrum.ranges
     after = directions(np.vstack([jacobian, row]), spectrum.names, spectrum.ranges).std_of_data()
     ordered = [name, *(n for n in others if n != name)]
     index = [spectrum.names.index(n) for n in ordered]

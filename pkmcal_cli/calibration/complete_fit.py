@@ -107,7 +107,7 @@ def calibrated(
     `observe` is told the steps; steps: that the fit from the start may take; gross: rows beyond all noise, without
     which a robust loss begins. Raises RowsFailed.
     """
-    problem = with_prior(problem, selected, options.prior)
+    problem = with_prior(problem, selected, options.prior, start)
     begun = problem if options.loss == "squares" else without_weight(problem, gross)
     first, agreement = identify_from(
         begun,
@@ -155,7 +155,7 @@ def refit(
 
     factors (p,): of the ranges, by more rows; where with these nothing is nearly held, ranges need not be weighed anew.
     """
-    problem = with_prior(problem, selected, options.prior)
+    problem = with_prior(problem, selected, options.prior, start)
     first = identify(problem, selected, start, states=states)
     robust = _with_loss(problem.without(first.failed), first, options)
     if factors is None or not far_from_held(robust.problem, robust.fit, factors):
@@ -163,10 +163,11 @@ def refit(
     return robust.fit
 
 
-def with_prior(problem: Problem, selected: tuple[str, ...], prior: str) -> Problem:
+def with_prior(problem: Problem, selected: tuple[str, ...], prior: str, start: Array | None = None) -> Problem:
     """The problem with what is known besides: ranges where they are a prior; shapes without a name always have one.
 
-    A problem that already knows its parameters by an earlier calibration stays as it is.
+    A problem that already knows its parameters by an earlier calibration stays as it is. A datum is held as it is at
+    the start (P,).
     """
     if problem.prior is not None and problem.prior.stated:
         return problem
@@ -174,7 +175,7 @@ def with_prior(problem: Problem, selected: tuple[str, ...], prior: str) -> Probl
     others = tuple(n for n in selected if n not in weights)
     if prior != "ranges" or not others:
         return problem
-    ranges = prior_of_ranges(problem.model, others)
+    ranges = prior_of_ranges(problem.model, others, problem.datum, start)
     return replace(problem, prior=ranges if problem.prior is None else joined(problem.prior, ranges))
 
 

@@ -7,16 +7,20 @@ the fields t + w x r + s r at the places of the base (free network adjustment: t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array, skew
+from pkmcal_cli.calibration.held_datum import HeldDatum
 from pkmcal_cli.calibration.identifiability import Directions
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.model.base import Base
 from pkmcal_cli.model.model import Model
+from pkmcal_cli.prediction import Request
+from pkmcal_cli.prediction.stages import BaseCoefficients, Chain
 
 _SPATIAL = (
     "scale",
@@ -57,14 +61,15 @@ def gauge_of(problem: Problem, values: Array, directions: Directions) -> Gauge:
     if not directions.null.any() or not len(base.places):
         return nothing
     null = directions.vectors[directions.null]  # (k, p) in ranges
-    motion = _base_motion(model, base, values, directions.names) * directions.ranges  # (f, p)
+    states = _states(problem, values, directions.names)
+    motion = np.vstack([base.motion(*state) for state in states]) * directions.ranges  # (f, p)
     size = float(np.abs(motion).max(initial=0.0))
     if size == 0.0:
         return nothing
     moved, much, parts = np.linalg.svd(motion @ null.T / size, full_matrices=False)
     felt = much > _MOVED
     moved, parts = moved[:, felt], parts[felt] / much[felt, None]  # (f, m), (m, k): each moves it by one
-    names, fields = _fields(model, base, values, scales=not _lengths_read(problem))
+    names, fields = _fields(model, base, [c for c, _ in states], scales=not _lengths_read(problem))
     _, s, vt = np.linalg.svd(np.hstack([moved, -fields]), full_matrices=True)
     rank = int((s > _SAME * s[0]).sum())
     kernel = vt[rank:]  # (n, m + generators)
@@ -89,29 +94,48 @@ def _lengths_read(problem: Problem) -> bool:
     return "length" in read
 
 
-def _base_motion(model: Model, base: Base, values: Array, names: tuple[str, ...]) -> Array:
-    """Displacement (f, p) of the base by parameters, SI: of its places, then of the orientations of its frames."""
-    numbers = model.by_name(values)
-    chain = model.topology.coefficients.jacobian(numbers, names)
-    return base.motion(model.topology.coefficients.values(numbers), chain)
+def _states(problem: Problem, values: Array, names: tuple[str, ...]) -> list[tuple[Array, Array]]:
+    """Coefficients (S,) and their derivatives by parameters (S, p): of each session that has its own, else of all rows.
+
+    Places that each session has for itself, of a ball, move with the base. Zeros that it has say where its drives were
+    homed, not where the base is: no datum could hold them.
+    """
+    model, numbers = problem.model, problem.model.by_name(values)
+    drives = [d.coefficient for d in model.topology.drives]
+    rest = model.topology.coefficients.values(numbers)[drives]
+    by_rest = model.topology.coefficients.jacobian(numbers, names)[drives]
+    chain = Chain.of(model, values, Request(parameters=names), problem.rows)
+    out = []
+    for line, jacobian in zip(BaseCoefficients.of(model, values, problem.rows).lines, chain.jacobian, strict=True):
+        whole = np.zeros((len(line), len(names)))
+        whole[np.ix_(chain.coefficients, chain.parameters)] = jacobian
+        line[drives], whole[drives] = rest, by_rest
+        out.append((line, whole))
+    return out
 
 
-def _fields(model: Model, base: Base, values: Array, scales: bool) -> tuple[tuple[str, ...], Array]:
-    """Names of the generators, and what each does to the base (f, generators), lengths in sizes of the machine."""
-    coefficients = model.topology.coefficients.values(model.by_name(values))
+def _fields(model: Model, base: Base, states: Sequence[Array], scales: bool) -> tuple[tuple[str, ...], Array]:
+    """Names of the generators, and what each does to the base (f, generators), lengths in sizes of the machine.
+
+    states: coefficients (S,), one for each of `_states`.
+    """
+    fields = np.vstack([_fields_of(model, base, coefficients) for coefficients in states])
+    independent = _independent_columns(fields)  # a base that is one point has no turn and no scale
+    independent = [k for k in independent if k > 0 or scales]
+    return tuple((_PLANAR if model.topology.planar else _SPATIAL)[k] for k in independent), fields[:, independent]
+
+
+def _fields_of(model: Model, base: Base, coefficients: Array) -> Array:
+    """What each generator does to the base (f, generators) with these coefficients (S,)."""
     places, length = base.positions(coefficients), model.length
     columns = [np.concatenate([(places / length).ravel(), np.zeros(3 * len(base.rotations))])]
-    planar = model.topology.planar
-    for k in [2] if planar else range(3):
+    for k in [2] if model.topology.planar else range(3):
         axis = np.eye(3)[k]
         rotated = (skew(axis) @ places.T).T / length
         columns.append(np.concatenate([rotated.ravel(), np.tile(axis, len(base.rotations)) / length]))
-    for k in range(2 if planar else 3):
+    for k in range(2 if model.topology.planar else 3):
         columns.append(np.concatenate([np.tile(np.eye(3)[k], len(places)), np.zeros(3 * len(base.rotations))]))
-    fields = np.stack(columns, axis=1)
-    independent = _independent_columns(fields)  # a base that is one point has no turn and no scale
-    independent = [k for k in independent if k > 0 or scales]
-    return tuple((_PLANAR if planar else _SPATIAL)[k] for k in independent), fields[:, independent]
+    return np.stack(columns, axis=1)
 
 
 def _independent_columns(fields: Array) -> list[int]:
@@ -149,13 +173,14 @@ def _words(names: tuple[str, ...], row: Array) -> str:
 class Datum:
     """Parameters that are held so that the base has a place: `held`, for the freedoms of `gauge`.
 
-    missing: freedoms that no declared parameter fixes; proposed: parameters that would.
+    missing: freedoms that no declared parameter fixes; proposed: parameters that would; of_held: what moves along.
     """
 
     gauge: Gauge
     held: tuple[str, ...]
     missing: int
     proposed: tuple[str, ...]
+    of_held: HeldDatum | None = None
 
     @property
     def text(self) -> str:
@@ -185,9 +210,22 @@ def datum_of(problem: Problem, values: Array, directions: Directions) -> Datum |
     rows = {n: gauge.directions[:, k] for k, n in enumerate(directions.names) if size[k] > 1e-6 * size.max()}
     held = _independent({n: rows[n] for n in problem.model.datum if n in rows})
     missing = len(gauge.motions) - len(held)
-    ordered = sorted((n for n in rows if n not in held), key=lambda n: -float(np.abs(rows[n]).max()))
+    several = {p.name for p in problem.model.parameters if p.session}  # which a file cannot name
+    others = (n for n in rows if n not in held)
+    ordered = sorted(others, key=lambda n: (n in several, -float(np.abs(rows[n]).max())))
     proposed = _independent({n: rows[n] for n in (*held, *ordered)})
-    return Datum(gauge, tuple(held), missing, tuple(proposed))
+    return Datum(gauge, tuple(held), missing, tuple(proposed), _along(gauge, directions, held))
+
+
+def _along(gauge: Gauge, directions: Directions, held: list[str]) -> HeldDatum | None:
+    """What moves along with each of the parameters that are held, none of the other held ones; None for none."""
+    others = tuple(n for n in directions.names if n not in held)
+    of_others, of_datum = ([directions.names.index(n) for n in some] for some in (others, held))
+    if not held:
+        return None
+    moved = np.linalg.pinv(gauge.directions[:, of_datum]) @ gauge.directions[:, of_others]  # (g, p) in ranges
+    moves = -moved.T * directions.ranges[of_others][:, None] / directions.ranges[of_datum]
+    return HeldDatum(tuple(held), others, moves)
 
 
 def _independent(rows: dict[str, Array]) -> list[str]:

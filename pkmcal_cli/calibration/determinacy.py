@@ -35,11 +35,13 @@ class Determinacy:
         proposed = ", ".join(self.datum.proposed)
         return (f"{self.datum.text}; only ranges hold the rest: declare `datum: [{proposed}]`",)
 
-    def of(self, problem: Problem) -> Problem:
-        """The problem without the ranges of what is held, which are no equations of the others."""
-        if problem.prior is None or self.datum is None:
+    def of(self, problem: Problem, values: Array) -> Problem:
+        """The problem with the datum held at parameter values (P,), and what is known of the others relative to it."""
+        held = None if self.datum is None else self.datum.of_held
+        if held is None:
             return problem
-        return replace(problem, prior=problem.prior.without(self.datum.held))
+        prior = None if problem.prior is None else problem.prior.relative_to(held, problem.model, values)
+        return replace(problem, prior=prior, datum=held)
 
 
 def determinacy(

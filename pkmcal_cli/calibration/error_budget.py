@@ -35,8 +35,9 @@ WORTH = {"stated": 10.0, "exact": np.inf, "unknown": 1.0}
 class ErrorBudget:
     """Errors of p identified parameters `names`, besides h others that are `held` with a range; SI.
 
-    data (G, p, p): covariance by the noise of each of G instruments as stated; by_own (p, p), by_held (p, h): errors by
-    offsets of half a range; half_ranges (p + h,); scales: of the offsets, identified ones first, and of the noise;
+    `datum`: g parameters to which they are relative. data (G, p, p): covariance by the noise of each of G instruments
+    as stated; by_own (p, p + g), by_held (p, h): errors by offsets of half a range, by_own with those of the datum;
+    half_ranges (p + g + h,); scales: of the offsets, identified ones first, then the datum's, and of the noise;
     counts, worth (G,): readings of each instrument, and what its stated variance is worth; once (G,): whether it has
     measured on the bench, and so only once; share: of the held ones in the residuals.
     """
@@ -53,7 +54,13 @@ class ErrorBudget:
     worth: Array
     share: HeldShare
     once: NDArray[np.bool_]
+    datum: tuple[str, ...] = ()
     known_by: str = "the ranges"  # what is known of identified parameters besides the data
+
+    @property
+    def every(self) -> tuple[str, ...]:
+        """All whose offsets have scales, in their order."""
+        return (*self.names, *self.datum, *self.held)
 
     def _std(self, by_own: Array, by_held: Array) -> Array:
         """Standard uncertainties (p,) by noise and by some offsets (p, p), (p, h)."""
@@ -90,13 +97,13 @@ class ErrorBudget:
 
     @property
     def factors(self) -> Array:
-        """By what the stated ranges (p,) of what was identified are multiplied, where noise is as stated."""
-        return np.asarray(self.scales.typical[: len(self.names)] / np.sqrt(self.spread))
+        """By what the stated ranges (p + g,) of what was identified are multiplied, where noise is as stated."""
+        return np.asarray(self.scales.typical[: self.by_own.shape[1]] / np.sqrt(self.spread))
 
     @cached_property
     def share_of_ranges(self) -> Array:
         """Share (p,) of the variance by noise and ranges that ranges make."""
-        by_ranges = (self.by_own**2) @ self.scales.typical[: len(self.names)] ** 2
+        by_ranges = (self.by_own**2) @ self.scales.typical[: self.by_own.shape[1]] ** 2
         whole = by_ranges + np.diag(self.noise_covariance)
         return np.asarray(np.divide(by_ranges, whole, out=np.zeros(len(by_ranges)), where=whole > 0))
 
@@ -107,8 +114,8 @@ class ErrorBudget:
         Of typical scales, all times one factor that makes it as large as `std` on the whole: a factor for each, or for
         the identified ones alone, would spoil the sums that cancel.
         """
-        p, h = self.by_held.shape
-        below = np.hstack([np.zeros((h, p)), np.diag(-self.half_ranges[p:])])  # what is held is off by its offset
+        (p, free), h = self.by_own.shape, len(self.held)
+        below = np.hstack([np.zeros((h, free)), np.diag(-self.half_ranges[free:])])  # what is held is off by its offset
         by_offset = np.vstack([np.hstack([self.by_own, self.by_held]), below]) * self.scales.typical
         out = by_offset @ by_offset.T
         out[:p, :p] += self.noise_covariance
@@ -158,21 +165,25 @@ def error_budget(
     said = evidence = _evidence(problem, fit, groups, jacobian, near.residual, index)
     information = said.information
     whole, scale = information.sum(axis=0), half[:p, None]
-    prior, spread = problem.prior, np.asarray(np.eye(p))
+    prior, spread, datum = problem.prior, np.asarray(np.eye(p)), _datum_of(problem, fit)
     if prior is not None and prior.stated:
         spread = np.asarray(np.linalg.inv(prior.columns(fit.selected) * half[:p]))
         evidence = evidence.of_known(spread, prior.errors(problem.model, fit.values))
+    elif datum.names:
+        spread = np.hstack([spread, datum.beside])
+        evidence = evidence.beside_datum(datum.beside, datum.offsets, datum.kinds)
     if scales is None:
         scales = _scales(evidence, noise)
     gain = _gain(fit.directions, jacobian[:, :p], half[:p])  # (p, p): by it J^T y gives the estimate
     return ErrorBudget(
         names=fit.selected,
+        datum=datum.names,
         held=held,
         instruments=groups.names,
         data=gain @ information[:, :p, :p] @ gain.T * np.outer(half[:p], half[:p]),
         by_own=(gain @ whole[:p, :p] - np.eye(p)) @ spread * scale,
         by_held=gain @ whole[:p, p:] * scale,
-        half_ranges=half,
+        half_ranges=np.insert(half, p, datum.half_ranges),
         scales=scales,
         counts=groups.counts,
         worth=groups.freedom,
@@ -180,6 +191,29 @@ def error_budget(
         once=groups.once,
         known_by="the ranges" if prior is None or not prior.stated else "the prior",
     )
+
+
+@dataclass(frozen=True)
+class _Datum:
+    """Parameters held as datum, g, whose ranges count: what moves along (p, g) in ranges; half ranges (g,); offsets
+    from nominal (g,) in these, where they are held."""
+
+    names: tuple[str, ...]
+    beside: Array
+    half_ranges: Array
+    offsets: Array
+    kinds: tuple[str, ...]
+
+
+def _datum_of(problem: Problem, fit: Fit) -> _Datum:
+    """Of a fit; none where an earlier calibration says how far off parameters are."""
+    model, held, beside = problem.model, problem.datum, problem.beside(fit.selected)
+    if held is None or beside is None or (problem.prior is not None and problem.prior.stated):
+        return _Datum((), np.zeros((len(fit.selected), 0)), np.zeros(0), np.zeros(0), ())
+    parameters = [model.parameters[model.names.index(n)] for n in held.held]
+    half = np.array([0.5 * p.range for p in parameters])
+    kinds = tuple(p.kind or p.dimension for p in parameters)
+    return _Datum(held.held, beside, half, held.offsets(model, fit.values) / half, kinds)
 
 
 def _scales(evidence: Evidence, noise: float | None) -> Scales:

@@ -21,26 +21,27 @@ _NARROWER = 1.5  # a part of the rows makes ranges no narrower than by this
 
 
 def with_estimated_ranges(problem: Problem, fit: Fit, start: Array, factors: Array) -> tuple[Problem, Fit]:
-    """Problem and fit with the ranges of the selected parameters times factors (p,); unchanged where nothing is held.
+    """Problem and fit with ranges of the selected parameters, then of the datum's, times factors (p + g,); unchanged
+    where nothing is held.
 
     start (P,): where the fit began; what the data do not see stays there, and what they hardly see at nominal.
     """
     if problem.prior is not None and problem.prior.stated:
         return problem, fit
     model = problem.model
-    ranges = model.ranges
     index = [model.names.index(n) for n in fit.selected]
-    ranges[index] *= factors
+    ranges = problem_ranges(problem, fit, factors)
     unseen = UNSEEN * min(float(factors.min(initial=1.0)), 1.0)  # what was seen still is
     wider, values = replace(problem, model=model.with_ranges(ranges), unseen=unseen), fit.values
     if problem.prior is None:
-        spectrum = directions(condensed(problem, fit.last).jacobian, fit.selected, ranges[index], unseen)
+        near, beside = condensed(problem, fit.last), problem.beside(fit.selected, ranges)
+        spectrum = directions(near.jacobian, fit.selected, ranges[index], unseen, beside)
         both = (spectrum, fit.directions)
         if not any(each.weak.any() for each in both) and len({each.rank for each in both}) == 1:
             return problem, fit
         values = centred(problem, values, start, spectrum)
     else:
-        wider = replace(wider, prior=prior_of_ranges(wider.model, fit.selected))
+        wider = replace(wider, prior=prior_of_ranges(wider.model, fit.selected, wider.datum, start))
     try:
         again = identify(wider, fit.selected, values, shift=fit.shift, states=fit.last.start)
     except RowsFailed:
@@ -52,24 +53,32 @@ def with_estimated_ranges(problem: Problem, fit: Fit, start: Array, factors: Arr
     return wider, replace(again, before=fit.before, failed=fit.failed, kinked=fit.kinked, iterations=steps)
 
 
+def problem_ranges(problem: Problem, fit: Fit, factors: Array) -> Array:
+    """Ranges (P,) of all parameters, those of the selected ones and of the datum's times factors (p + g,)."""
+    ranges, held = problem.model.ranges, () if problem.datum is None else problem.datum.held
+    ranges[[problem.model.names.index(n) for n in (*fit.selected, *held)]] *= factors
+    return ranges
+
+
 def far_from_held(problem: Problem, fit: Fit, factors: Array) -> bool:
-    """Whether nothing would be held in a fit even if ranges times factors (p,) were narrower still."""
+    """Whether nothing would be held in a fit even if ranges times factors (p + g,) were narrower still."""
     if problem.prior is not None:
         return False
-    ranges = problem.model.ranges[[problem.model.names.index(n) for n in fit.selected]] * factors / _NARROWER
-    spectrum = directions(condensed(problem, fit.last).jacobian, fit.selected, ranges)
+    ranges = problem_ranges(problem, fit, factors / _NARROWER)
+    widths, beside = ranges[[problem.model.names.index(n) for n in fit.selected]], problem.beside(fit.selected, ranges)
+    spectrum = directions(condensed(problem, fit.last).jacobian, fit.selected, widths, beside=beside)
     return not (spectrum.weak.any() or spectrum.null.any())
 
 
 def centred(problem: Problem, values: Array, start: Array, spectrum: Directions) -> Array:
     """Values (P,) with weak directions about nominal, null ones as at the start (P,), within bounds."""
     index = [problem.model.names.index(n) for n in spectrum.names]
-    nominal, held = problem.model.nominal[index], spectrum.held
+    nominal, held = problem.nominal_at(values)[index], spectrum.held
     way = np.where(spectrum.weak[:, None], nominal - values[index], (start - values)[index])
     way /= spectrum.ranges
-    unseen = spectrum.vectors[held]  # (k, p)
+    parts = (spectrum.duals[held] * way[held]).sum(axis=1)  # (k,)
     out = values.copy()
-    out[index] += unseen.T @ (unseen * way[held]).sum(axis=1) * spectrum.ranges
+    out[index] += spectrum.vectors[held].T @ parts * spectrum.ranges
     low, high = np.array([problem.model.parameters[k].bounds for k in index]).reshape(-1, 2).T
     out[index] = np.clip(out[index], low, high)  # else no row may have a prediction
     return out

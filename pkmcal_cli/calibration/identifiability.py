@@ -10,13 +10,14 @@ is held takes part in the others' uncertainty.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lu, null_space
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.held_datum import mixing
 
 NULL = 1e-10  # of the largest singular value
 UNSEEN = 0.01  # whitened, per range
@@ -31,6 +32,8 @@ _TRACE = 0.1  # and in one that is seen a little, this: smaller components add t
 class Directions:
     """Singular values (p,) of the scaled Jacobian and directions (p, p), rows; which are null or weak.
 
+    `along` (p, p): see `duals`; None where directions are orthogonal, that is where no datum is held.
+
     `spread`: by what all variances are multiplied, ranges being those over its root: what is held depends on both.
     """
 
@@ -41,6 +44,12 @@ class Directions:
     null: NDArray[np.bool_]
     weak: NDArray[np.bool_]
     spread: float = 1.0
+    along: Array | None = None
+
+    @property
+    def duals(self) -> Array:
+        """By what the parts (p,) of an offset in directions are found, rows (p, p): orthogonal to the other ones."""
+        return self.vectors if self.along is None else self.along
 
     @property
     def rank(self) -> int:
@@ -76,7 +85,7 @@ class Directions:
         """By how much the readings move, in their noise, with each parameter's part (p, p) of a direction, rows: in a
         weak one parts cancel that are large by themselves. Ranges do not matter.
         """
-        return np.asarray(np.abs(self.vectors) * np.sqrt(self.singular_values**2 @ self.vectors**2))
+        return np.asarray(np.abs(self.vectors) * np.sqrt(self.singular_values**2 @ self.duals**2))
 
     def covariance(self) -> Array:
         """Covariance (p, p) in SI; rows and columns of undetermined parameters are nan."""
@@ -108,12 +117,17 @@ class Directions:
         return np.asarray((self.vectors.T * variance @ self.vectors) * np.outer(self.ranges, self.ranges))
 
 
-def directions(jacobian: Array, names: tuple[str, ...], ranges: Array, unseen: float = UNSEEN) -> Directions:
+def directions(
+    jacobian: Array, names: tuple[str, ...], ranges: Array, unseen: float = UNSEEN, beside: Array | None = None
+) -> Directions:
     """Directions of a whitened Jacobian (n, p), SI; zero rows are added where there are fewer rows than parameters.
 
-    unseen: singular value below which nothing is seen.
+    unseen: singular value below which nothing is seen; beside (p, g): by what parameters are off, in ranges, where one
+    of a datum is off by its range (`HeldDatum`).
     """
     scaled = jacobian * ranges
+    root, inverse = (None, None) if beside is None or not beside.any() else mixing(beside)
+    scaled = scaled if root is None else scaled @ root
     p = scaled.shape[1]
     if len(scaled) < p:
         scaled = np.vstack([scaled, np.zeros((p - len(scaled), p))])
@@ -132,7 +146,8 @@ def directions(jacobian: Array, names: tuple[str, ...], ranges: Array, unseen: f
     _, s, vt = np.linalg.svd(scaled)
     null = (s <= NULL * s[0]) | (s < unseen)
     weak = ~null & (s < WEAK * (1 - 1e-9))  # what nothing but the ranges know is not weak
-    return Directions(names=names, ranges=ranges, singular_values=s, vectors=vt, null=null, weak=weak)
+    spectrum = Directions(names=names, ranges=ranges, singular_values=s, vectors=vt, null=null, weak=weak)
+    return spectrum if root is None or inverse is None else replace(spectrum, vectors=vt @ root, along=vt @ inverse)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -278,7 +278,7 @@ def _finished(
     scale = Scaled.of(problem, selected)
     values = last.values[scale.index]
     on_bound = (values - scale.low < _BIND * scale.ranges) | (scale.high - values < _BIND * scale.ranges)
-    spectrum = directions(near.jacobian, selected, scale.ranges, problem.unseen)
+    spectrum = directions(near.jacobian, selected, scale.ranges, problem.unseen, scale.beside)
     if not len(selected) or spectrum.held.all():
         status = NOTHING
     moved = int((~spectrum.held).sum()) - int(on_bound.sum())

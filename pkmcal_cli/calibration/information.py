@@ -23,7 +23,7 @@ def data_information(
     What was measured once, on the bench, is left out: it is in the machine file, so every calibration has it.
     `without`: parameters that are left where they are.
     """
-    scale = dict(zip((*budget.names, *budget.held), budget.half_ranges * budget.scales.typical, strict=True))
+    scale = dict(zip(budget.every, budget.half_ranges * budget.scales.typical, strict=True))
     model = problem.model
     half_ranges = {p.name: scale.get(p.name, 0.5 * p.range) for p in model.parameters if not p.fixed and p.range > 0}
     half_ranges = {name: half for name, half in half_ranges.items() if name not in without}

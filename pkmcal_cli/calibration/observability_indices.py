@@ -50,7 +50,8 @@ def observability(problem: Problem, values: Array, selected: tuple[str, ...]) ->
     keep = [k for k, n in enumerate(selected) if datum is None or n not in datum.held]
     names = tuple(selected[k] for k in keep)
     if datum is not None:
-        spectrum = directions(near.jacobian[:, keep], names, ranges[keep])
+        beside = None if datum.of_held is None else datum.of_held.in_ranges(model, names, model.ranges)
+        spectrum = directions(near.jacobian[:, keep], names, ranges[keep], beside=beside)
     covariance = spectrum.covariance()
     return Observability(
         directions=spectrum,

@@ -32,7 +32,8 @@ def implausible_values(problem: Problem, checked: RangeCheck) -> tuple[str, ...]
         parameter = model.parameters[model.names.index(name)]
         factor = checked.factors.get(parameter.kind or parameter.dimension, 1.0)
         built = _BUILT * {"length": model.length, "angle": 1.0}.get(parameter.dimension, 0.0) / parameter.range
-        if abs(offset) / 2 > _FAR * float(np.clip(factor, 1.0, max(_WIDER, built))) and not _of_effect(problem, name):
+        factor = checked.width(name) * float(np.clip(factor, 1.0, max(_WIDER, built)))
+        if abs(offset) / 2 > _FAR * factor and not _of_effect(problem, name):
             far.append((abs(offset) / 2, name))
     if not far:
         return ()

@@ -6,8 +6,10 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import null_space
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.held_datum import HeldDatum
 from pkmcal_cli.calibration.identifiability import WEAK, Directions
 from pkmcal_cli.model.model import Model
 
@@ -54,6 +56,15 @@ class Prior:
         names, stated = ([n for n in some if n not in left_out] for some in (self.names, self.stated))
         return Prior(tuple(names), rows[:, kept], self.centre[kept], tuple(stated))
 
+    def relative_to(self, datum: HeldDatum, model: Model, values: Array) -> Prior:
+        """What is known of the others relative to a datum that is known here, and held at parameter values (P,)."""
+        others = tuple(n for n in self.names if n not in datum.held)
+        of_others, of_datum = ([self.names.index(n) for n in some] for some in (others, datum.held))
+        moves, held = datum.of(others), values[[model.names.index(n) for n in datum.held]]
+        free = null_space((self.rows[:, of_datum] - self.rows[:, of_others] @ moves).T).T  # whatever the datum truly is
+        centre = self.centre[of_others] + moves @ (self.centre[of_datum] - held)
+        return Prior(others, free @ self.rows[:, of_others], centre, tuple(n for n in self.stated if n in others))
+
 
 def joined(one: Prior, other: Prior) -> Prior:
     """What is known by both, of different parameters."""
@@ -71,12 +82,19 @@ def prior_of_covariance(names: tuple[str, ...], covariance: Array, centre: Array
     return Prior(names, (vector / np.sqrt(np.maximum(value, floor))).T / std, centre, stated=names)
 
 
-def prior_of_ranges(model: Model, names: tuple[str, ...]) -> Prior:
-    """Every parameter near its nominal value, with half its range as standard deviation."""
-    index = [model.names.index(n) for n in names]
-    return Prior(names, np.diag(2.0 / model.ranges[index]), model.nominal[index])
+def prior_of_ranges(
+    model: Model, names: tuple[str, ...], datum: HeldDatum | None = None, values: Array | None = None
+) -> Prior:
+    """Every parameter near its nominal value, with half its range as standard deviation, those of a datum too.
+
+    What is known of the others relative to these, which are held at parameter values (P,).
+    """
+    every = names if datum is None else (*names, *datum.held)
+    index = [model.names.index(n) for n in every]
+    prior = Prior(every, np.diag(2.0 / model.ranges[index]), model.nominal[index])
+    return prior if datum is None or values is None else prior.relative_to(datum, model, values)
 
 
 def prior_of_held(directions: Directions, centre: Array) -> Prior:
     """Held directions stay about a centre (p,) as their ranges say."""
-    return Prior(directions.names, WEAK * directions.vectors[directions.held] / directions.ranges, centre)
+    return Prior(directions.names, WEAK * directions.duals[directions.held] / directions.ranges, centre)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.base.lean import some_rows
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.held_datum import HeldDatum
 from pkmcal_cli.calibration.identifiability import UNSEEN
 from pkmcal_cli.calibration.nominal_poses import NominalPoses
 from pkmcal_cli.calibration.prior import Prior
@@ -30,7 +31,7 @@ class Problem:
     by a robust fit, None for 1; `copies`: groups of rows that are the same to the last digit, of which the first alone
     is measured; `left_out`: channels of what was measured once that are not used; `method` of all predictions;
     `side_sigma` (N, A): of the drives' travel where the side of approach is unknown, None for 0; `poses`: nominal ones,
-    those that are known of the same rows, else found where they are asked for.
+    those that are known of the same rows, else found where they are asked for; `datum`: what is held, and moves along.
     """
 
     model: Model
@@ -47,6 +48,7 @@ class Problem:
     method: Method = "exact"
     side_sigma: Array | None = None
     poses: NominalPoses | None = None
+    datum: HeldDatum | None = None
 
     def __post_init__(self) -> None:
         if self.poses is None or not self.poses.holds_for(self.model, self.rows):
@@ -54,6 +56,16 @@ class Problem:
 
     def __len__(self) -> int:
         return len(self.readings)
+
+    def beside(self, names: Sequence[str], ranges: Array | None = None) -> Array | None:
+        """By what parameters are off (p, g), in ranges (P,), where one of the datum is; None where none is held."""
+        if self.datum is None:
+            return None
+        return self.datum.in_ranges(self.model, names, self.model.ranges if ranges is None else ranges)
+
+    def nominal_at(self, values: Array) -> Array:
+        """Nominal values (P,) of the machine as the datum has it at values (P,)."""
+        return self.model.nominal if self.datum is None else self.datum.nominal(self.model, values)
 
     @property
     def count(self) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.linalg import null_space
@@ -32,6 +32,7 @@ class RangeCheck:
     offsets: Mapping[str, float]
     kinds: frozenset[str]
     declared: Directions
+    widths: Mapping[str, float] = field(default_factory=dict)  # of offsets relative to a datum, in half ranges; else 1
 
     @property
     def doubtful(self) -> bool:
@@ -42,7 +43,11 @@ class RangeCheck:
     def far(self) -> dict[str, float]:
         """Offsets that nobody would expect, largest first."""
         by_size = sorted(self.offsets.items(), key=lambda item: -abs(item[1]))
-        return {name: offset for name, offset in by_size if abs(offset) > _FAR}
+        return {name: offset for name, offset in by_size if abs(offset) > _FAR * self.width(name)}
+
+    def width(self, name: str) -> float:
+        """Standard deviation of the offset of a parameter, in half ranges: with that of the datum it is relative to."""
+        return self.widths.get(name, 1.0)
 
 
 def range_check(problem: Problem, fit: Fit, budget: ErrorBudget) -> RangeCheck:
@@ -50,15 +55,17 @@ def range_check(problem: Problem, fit: Fit, budget: ErrorBudget) -> RangeCheck:
     model = problem.model
     index = [model.names.index(n) for n in fit.selected]
     ranges = model.ranges[index]
-    offsets = 2.0 * (fit.values - model.nominal)[index] / ranges
+    offsets = 2.0 * (fit.values - problem.nominal_at(fit.values))[index] / ranges
     rows = condensed(problem, fit.last).values[1]
-    spectrum = directions(rows, fit.selected, ranges)
+    spectrum = directions(rows, fit.selected, ranges, beside=problem.beside(fit.selected))
     moved = fit.directions.vectors[~fit.directions.held] * fit.directions.ranges / ranges  # what is held tells nothing
     known = np.linalg.qr(moved.T)[0].T if moved.size else moved  # (k, p)
     unranged = np.isin(fit.selected, list(frame_parameters(model)))
     known = null_space(known[:, unranged].T).T @ known if unranged.any() and known.size else known
     half, p = ranges / 2.0, len(ranges)
-    transfer = np.eye(p) + budget.by_own / half[:, None]  # what of an offset the estimate has
+    beside = problem.beside(fit.selected) if budget.datum else None
+    offset = np.eye(p) if beside is None else np.hstack([np.eye(p), beside])  # by what it is off
+    transfer = offset + budget.by_own / half[:, None]  # what of an offset the estimate has
     expected = transfer @ transfer.T + budget.noise_covariance / np.outer(half, half)
     by_held = budget.by_held / half[:, None]
     along, count = known @ offsets, len(known)
@@ -74,4 +81,5 @@ def range_check(problem: Problem, fit: Fit, budget: ErrorBudget) -> RangeCheck:
     seen = {n: z for (n, z), gone in zip(named.items(), lost, strict=True) if not gone}
     judged = (model.parameters[k] for k, skipped in zip(index, unranged, strict=True) if not skipped)
     kinds = frozenset(p.kind or p.dimension for p in judged)
-    return RangeCheck(chance if np.isnan(chance) else min(chance, 1.0), factors, seen, kinds, spectrum)
+    widths = dict(zip(fit.selected, np.sqrt((offset**2).sum(axis=1)).tolist(), strict=True))
+    return RangeCheck(chance if np.isnan(chance) else min(chance, 1.0), factors, seen, kinds, spectrum, widths)

@@ -16,7 +16,7 @@ from scipy.linalg import solve_triangular
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.condensed import condensed, evaluate_condensed
-from pkmcal_cli.calibration.identifiability import directions
+from pkmcal_cli.calibration.identifiability import Directions, directions
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, Linearised, chi_square
 from pkmcal_cli.calibration.second_order import SecondOrder
@@ -43,6 +43,7 @@ class Scaled:
     ranges: Array
     low: Array
     high: Array
+    beside: Array | None = None  # (p, g), see `directions`
 
     @classmethod
     def of(cls, problem: Problem, selected: tuple[str, ...]) -> Scaled:
@@ -51,7 +52,12 @@ class Scaled:
         chosen = [model.parameters[k] for k in index]
         low = np.array([p.bounds[0] for p in chosen])
         high = np.array([p.bounds[1] for p in chosen])
-        return cls(index, selected, np.array([p.range for p in chosen]), low, high)
+        return cls(index, selected, np.array([p.range for p in chosen]), low, high, problem.beside(selected))
+
+    def directions(self, jacobian: Array, free: NDArray[np.bool_]) -> Directions:
+        """Of a whitened Jacobian (n, p), for those parameters (p,) that are free."""
+        beside = None if self.beside is None else self.beside[free]
+        return directions(jacobian[:, free], tuple(compress(self.names, free)), self.ranges[free], beside=beside)
 
 
 def advance(
@@ -103,7 +109,8 @@ def creeps(problem: Problem, scale: Scaled, near: Linearised, chi2: Sequence[flo
     """
     if len(chi2) <= _GAINING or chi2[-1 - _GAINING] - chi2[-1] > _LITTLE * chi2[-1] / problem.count:
         return ""
-    return "noise" if directions(near.jacobian, scale.names, scale.ranges, problem.unseen).weak.any() else ""
+    spectrum = directions(near.jacobian, scale.names, scale.ranges, problem.unseen, scale.beside)
+    return "noise" if spectrum.weak.any() else ""
 
 
 def _share(gained: float, promised: float) -> float:
@@ -164,7 +171,7 @@ def _step(
     free = np.ones(p, dtype=bool)
     for _ in range(p + 1):
         residual = r - jacobian[:, ~free] @ step[~free]
-        spectrum = directions(near.jacobian[:, free], tuple(compress(scale.names, free)), scale.ranges[free])
+        spectrum = scale.directions(near.jacobian, free)
         vectors = spectrum.vectors[~spectrum.held]
         step[free] = vectors.T @ _least_squares(jacobian[:, free] @ vectors.T, residual, light)
         if region is not None and region.length(np.where(free, step, 0.0)) > region.radius:

@@ -10,6 +10,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.error_budget import error_budget, held_parameters
 from pkmcal_cli.calibration.estimated_ranges import centred, with_estimated_ranges
 from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.identifiability import WEAK
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.starts import best_of_starts
@@ -21,6 +22,7 @@ OUT = 3.0
 """Ranges off nominal, beyond which a declared parameter has run away."""
 _BETTER = 9.0  # fall of chi-square, in variances of the noise, that is more than chance
 _LEFT = 0.1  # of what is beyond the noise, that parameters far off leave: where more is left, they imitate a cause
+_DRIFTED = 0.1  # half ranges by which what is held has left nominal: it turns on a long way, as of a ball far off
 _SOON = 15  # steps in which fits converge, unless something is wrong
 
 
@@ -29,9 +31,9 @@ def calibrated(
 ) -> tuple[Candidates, Fit]:
     """The fit that is diagnosed, and where fits begin.
 
-    That is as given, but at nominal values in directions that the data hardly see: the ranges hold them there. Where
-    the fit does not soon converge, it is that of the other rows, if some are gross where it begins; where it does not
-    at all, that from further starts, and all fits begin where it ended.
+    That is as given, but at nominal values in directions that the data hardly see: the ranges hold them there, also
+    where these turned on a long way. Where the fit does not soon converge, it is that of the other rows, if some are
+    gross where it begins; where it does not at all, that from further starts, and all fits begin where it ended.
     """
     start = replace(candidates, model=problem.model).begin()
     fit = identify(problem, selected, start, iterations=_SOON)
@@ -49,7 +51,18 @@ def calibrated(
     elif candidates.start is not None and fit.directions.weak.any():
         start = centred(problem, start, start, fit.directions)
         candidates, fit = replace(candidates, start=start), identify(problem, selected, start, states=fit.before.start)
+    if fit.status == "converged" and not _ran_away(problem, fit) and _drift(problem, fit) > _DRIFTED:
+        start = centred(problem, fit.values, start, fit.directions)
+        candidates, fit = replace(candidates, start=start), identify(problem, selected, start, states=fit.after.start)
     return _by_wider_ranges(candidates, problem, fit, options)
+
+
+def _drift(problem: Problem, fit: Fit) -> float:
+    """By how much what the data hardly see has left nominal, in half ranges."""
+    spectrum, nominal = fit.directions, problem.nominal_at(fit.values)
+    index = [problem.model.names.index(n) for n in fit.selected]
+    parts = WEAK * spectrum.duals @ ((fit.values - nominal)[index] / spectrum.ranges)
+    return float(np.abs(parts[spectrum.weak]).max(initial=0.0))
 
 
 def _by_wider_ranges(
@@ -86,8 +99,7 @@ def _ran_away(problem: Problem, fit: Fit) -> bool:
 def _wider(problem: Problem, fit: Fit, start: Array) -> Fit | None:
     """The fit from where one with ranges as they turned out to be ends; None where it does not explain what is left."""
     budget = error_budget(problem, fit, held_parameters(problem, fit.selected, ()))
-    factors = budget.scales.typical[: len(fit.selected)] / np.sqrt(budget.spread)
-    _, again = with_estimated_ranges(problem, fit, start, factors)
+    _, again = with_estimated_ranges(problem, fit, start, budget.factors)
     if again is fit:
         return None
     wider = identify(problem, fit.selected, again.values, states=again.after.start)

@@ -46,6 +46,7 @@ class Linear:
     measured: NDArray[np.bool_] | None = None  # (N, C) values that take part: measured, and predicted; None for all
     known: tuple[Array, Array] | None = None  # besides the values: errors (k,) and columns (k, q) of what is known
     once: tuple[int, ...] = ()  # channels of what was measured once, on the bench
+    along: Array | None = None  # (q, g) what moves with a datum, in ranges; None where none is held
 
     @cached_property
     def on(self) -> NDArray[np.bool_]:
@@ -65,7 +66,8 @@ class Linear:
     def spectrum(self) -> Directions:
         """What data say of the projected parameters."""
         columns = np.vstack([self.of(self.projected), self._besides[1]])
-        return directions(columns, self.projected, np.full(len(self.projected), 2.0))  # in ranges
+        beside = None if self.along is None else self.along[[self._index[n] for n in self.projected]]
+        return directions(columns, self.projected, np.full(len(self.projected), 2.0), beside=beside)  # in ranges
 
     @cached_property
     def _besides(self) -> tuple[Array, Array]:
@@ -178,9 +180,9 @@ class Linear:
         """The same with the columns of some parameters, of which `projected` are projected out."""
         at = [self._index[n] for n in names]
         known = None if self.known is None else (self.known[0], self.known[1][:, at])
-        return replace(
-            self, columns=self.columns[:, at], names=names, ranges=self.ranges[at], projected=projected, known=known
-        )
+        along, columns = None if self.along is None else self.along[at], self.columns[:, at]
+        kept = replace(self, columns=columns, names=names, ranges=self.ranges[at], projected=projected)
+        return replace(kept, known=known, along=along)
 
     def prewhitened(self, memory: Memory | None) -> Linear:
         """The same with successive rows made independent; itself where they are."""
@@ -285,16 +287,14 @@ def linear_problem(
     places = {p.name: k for k, p in enumerate(problem.model.parameters)}
     ranges = problem.model.ranges[[places[n] for n in names]]
     (residual, columns), (errors, known), half = near.values, near.besides, 0.5 * ranges
-    channels = problem.readings.shape[1]
     return Linear(
         residual=residual,
         columns=columns * half,
-        names=names,
-        ranges=ranges,
-        projected=selected,
+        names=names, ranges=ranges, projected=selected,
         used=part.count,
-        channels=channels,
+        channels=problem.readings.shape[1],
         measured=part.measured,
         known=(errors, known * half) if len(errors) else None,
         once=tuple(part.once),
-    )
+        along=problem.beside(names),
+    )  # fmt: skip

@@ -92,7 +92,9 @@ def loaded_machine(machine: Machine, receptive: bool = False) -> LoadedMachine:
 def _slips(machine: Machine, compiled: Compiled) -> list[Fault]:
     """Doubts about units, but for places that have one already."""
     reported = {fault.where for fault in machine.warnings if fault.code == "magnitude"}
-    return [fault for fault in unit_slips(machine, compiled.model.length) if fault.where not in reported]
+    model = compiled.model
+    slips = unit_slips(machine, model.length, model.base.targets(model.topology.coefficients))
+    return [fault for fault in slips if fault.where not in reported]
 
 
 def _raise_errors(kept: Sequence[Fault]) -> list[Fault]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import Any
 
 from pkmcal_cli.base.errors import Fault
@@ -36,6 +36,7 @@ _COARSE = 5.0  # as much more of a drive: belts, ropes
 _SMALL = 0.02  # m: of smaller machines nothing is usual
 _ANGULAR_SIGMA = (1e-8, 3e-3)  # rad
 _RANGE = (1e-6, 0.05)  # of the machine's size
+_ANYWHERE = 1.0  # the same of what only an instrument looks at, a ball on the table
 _ANGULAR_RANGE = (1e-9, 0.35)  # rad
 _OWN_RANGE = (1e-6, 2.0)  # of a nominal force, mass, density
 _COMPLIANT_RANGE = (1e-4, 2.0)  # of a nominal stiffness, modulus: never known as well as what a balance tells
@@ -51,13 +52,14 @@ _MASS = 2000.0  # kg, and as much more for the cube of the machine's size in m
 _ROUND = (math.pi / 12, 1e-4)  # angles of drawings in degrees are multiples of 15: in radians that shows
 
 
-def unit_slips(machine: Machine, size: float) -> list[Fault]:
-    """Warnings of numbers outside their bands; `size`: of the machine, m."""
+def unit_slips(machine: Machine, size: float, targets: Collection[str] = ()) -> list[Fault]:
+    """Warnings of numbers outside their bands; `size`: of the machine, m; targets: parameters of places that only
+    instruments look at, which may be anywhere."""
     if size < _SMALL:
         return []
     doubts = Doubts(machine)
     faults = [fault for number, band in _numbers(machine, size) for fault in doubts.outside(number, band)]
-    others = (unlike_figures(doubts, size), _gravity(doubts), _ranges(doubts, size), _angles(doubts))
+    others = (unlike_figures(doubts, size), _gravity(doubts), _ranges(doubts, size, targets), _angles(doubts))
     every = [*faults, *itertools.chain(*others)]
     places = {fault.where: fault for fault in reversed(every)}  # the first of a place, which all of an `each` share
     return list(reversed(places.values()))[:MAX_WARNINGS]
@@ -124,12 +126,14 @@ def _gravity(doubts: Doubts) -> Iterator[Fault]:
         yield doubts.fault("gravity-up", message, ("gravity",), hint)
 
 
-def _ranges(doubts: Doubts, size: float) -> Iterator[Fault]:
+def _ranges(doubts: Doubts, size: float, targets: Collection[str]) -> Iterator[Fault]:
     """Ranges that are large beside the machine or nominal, or next to nothing; one warning for a default."""
     reported: set[tuple[Dimension, float]] = set()
     for name, parameter in doubts.machine.parameters.items():
         dimension, value = parameter.dimension, parameter.range
         band = _band_of_range(dimension, size, abs(parameter.nominal))
+        if dimension == LENGTH and name in targets:
+            band = (_RANGE[0] * size, _ANYWHERE * size)
         if band is None or not value or not math.isfinite(value) or band[0] <= value <= band[1]:
             continue
         if (dimension, value) not in reported:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array, exp, left_jacobian, skew
+from pkmcal_cli.mechanism.coefficients import CoefficientTable
 
 Index = NDArray[np.intp]
 NONE: Index = np.zeros((0, 3), dtype=np.intp)
@@ -55,6 +56,15 @@ class Base:
         rotating = [not by or not set(by).isdisjoint(sensors) for by in self.rotations_only_seen_by]
         kept = tuple(pulls for pulls, is_felt in zip(self.places, places, strict=True) if is_felt)
         return Base(places=kept, rotations=self.rotations[rotating])
+
+    def targets(self, coefficients: CoefficientTable) -> frozenset[str]:
+        """Parameters that place only what sensors look at, and nothing else stands on."""
+        looked_at = zip(self.places, self.only_seen_by, strict=True)
+        seen = {int(c) for vectors, by in looked_at if by for v in vectors for c in v.coefficients}
+        placing, others = set[str](), set[str]()
+        for index, formula in coefficients.formulas:
+            (placing if index in seen else others).update(formula.names)
+        return frozenset(placing - others)
 
     def positions(self, coefficients: Array) -> Array:
         """The places (B, 3) in base axes, m."""

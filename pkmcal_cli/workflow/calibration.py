@@ -255,7 +255,7 @@ def _determined(s: CalibrationSetting, states: WarmStart, to: Listener) -> Calib
     asked = determined(s.loaded.model.name, s.problem, s.start.values, s.selected, states)
     for line in asked.notes:
         to.say(line)
-    problem, datum = asked.of(s.problem), with_held(asked.datum, s.kept)
+    problem, datum = asked.of(s.problem, s.start.values), with_held(asked.datum, s.kept)
     return replace(s, problem=problem, selected=asked.selected, datum=datum)
 
 

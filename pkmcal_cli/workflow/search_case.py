@@ -106,7 +106,7 @@ def prepare(
     asked = determined(loaded.model.name, case.problem, case.begin, case.selected)
     for line in asked.notes:
         to.say(line)
-    return replace(case, problem=asked.of(case.problem), selected=asked.selected)
+    return replace(case, problem=asked.of(case.problem, case.begin), selected=asked.selected)
 
 
 def _case(request: CaseRequest, loaded: LoadedMachine, measured: Measurements, loss: Loss, fewest: int) -> Case:
