@@ -70,6 +70,6 @@ def centred(problem: Problem, values: Array, start: Array, spectrum: Directions)
     unseen = spectrum.vectors[held]  # (k, p)
     out = values.copy()
     out[index] += unseen.T @ (unseen * way[held]).sum(axis=1) * spectrum.ranges
-    low, high = np.array([problem.model.parameters[k].bounds for k in index]).reshape(-1, 2).T
+    low, high = problem.bounds[index].T
     out[index] = np.clip(out[index], low, high)  # else no row may have a prediction
     return out
