@@ -116,3 +116,16 @@ def test_sparse_basis_spans_the_same() -> None:
     assert (sparse == 0).sum() >= 2
     assert np.abs(sparse).max(axis=1) == pytest.approx([1, 1])
     assert sparse_basis(np.zeros((0, 3))).shape == (0, 3)
+
+
+def test_what_has_no_effect_is_a_direction_of_its_own_exactly() -> None:
+    """Rounding would let the others move it: a lag by 1e-14 s, which takes a column that the table lacks."""
+    generator = np.random.default_rng(3)
+    jacobian = generator.normal(size=(60, 7)) * 10.0 ** generator.integers(-1, 2, 7)
+    jacobian[:, [2, 5]] = 0.0
+    for rows in (60, 20, 3):
+        found = directions(jacobian[:rows], tuple("abcdefg"), np.ones(7))
+        assert found.rank == min(rows, 5) and np.allclose(found.vectors @ found.vectors.T, np.eye(7))
+        assert not found.vectors[~found.null][:, [2, 5]].any()
+        alone = found.vectors[found.vectors[:, [2, 5]].any(axis=1)]
+        assert sorted(map(tuple, alone.tolist())) == sorted(map(tuple, np.eye(7)[[2, 5]].tolist()))

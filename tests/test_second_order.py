@@ -66,3 +66,17 @@ def test_machines_that_lag_are_compared(tmp_path: Path) -> None:
         clean(run("calibrate", TRIPOD, table, "--holdout", "none", "-o", file))
     done = run("compare", late, at_once)
     assert done.code == 0 and "change of the tool point over the workspace" in done.err
+
+
+@pytest.mark.parametrize("how", [("--starts", "6"), ("--method", "rigid", "--starts", "1")], ids=" ".join)
+def test_a_lag_that_no_times_show_stays_at_nothing(how: tuple[str, ...], tmp_path: Path) -> None:
+    """Exactly, whatever moves parameters: only at no lag at all can readings without times be predicted."""
+    table = tmp_path / "timeless.csv"
+    lines = [line.split(";") for line in AT_ONCE.read_text(encoding="utf-8").splitlines()]
+    gone = lines[0].index("time")
+    table.write_text("\n".join(";".join(c for k, c in enumerate(line) if k != gone) for line in lines) + "\n")
+    fit = clean(run("calibrate", TRIPOD, table, "--holdout", "none", *how, "--json")).json
+    by_name = {p["name"]: p for p in fit["parameters"]}
+    growth, lag = by_name["thermal_strut@all.a"], by_name["thermal_strut@all.lag"]
+    assert abs(growth["value"] - 11.5) < 3 * growth["std"]
+    assert lag["value"] == 0.0 and lag["std"] is None

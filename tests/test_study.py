@@ -40,7 +40,7 @@ def results(*arguments: str) -> Any:
 
 @pytest.fixture(scope="module")
 def both() -> Any:
-    return results(TRIGLIDE, PLAIN, *BOX, "--points", "5,45", "--repeat", "7", "--noise", "10 um")
+    return results(TRIGLIDE, PLAIN, *BOX, "--held", "nominal", "--points", "5,45", "--repeat", "7", "--noise", "10 um")
 
 
 def case(told: Any, machine: str, points: int) -> Any:

@@ -79,6 +79,6 @@ def centred(problem: Problem, values: Array, start: Array, spectrum: Directions)
     parts = (spectrum.duals[held] * way[held]).sum(axis=1)  # (k,)
     out = values.copy()
     out[index] += spectrum.vectors[held].T @ parts * spectrum.ranges
-    low, high = np.array([problem.model.parameters[k].bounds for k in index]).reshape(-1, 2).T
+    low, high = problem.bounds[index].T
     out[index] = np.clip(out[index], low, high)  # else no row may have a prediction
     return out

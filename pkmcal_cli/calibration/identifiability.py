@@ -128,26 +128,32 @@ def directions(
     scaled = jacobian * ranges
     root, inverse = (None, None) if beside is None or not beside.any() else mixing(beside)
     scaled = scaled if root is None else scaled @ root
-    p = scaled.shape[1]
-    if len(scaled) < p:
-        scaled = np.vstack([scaled, np.zeros((p - len(scaled), p))])
-    if p == 0:
-        empty = np.zeros(0)
-        return Directions(
-            names=names,
-            ranges=ranges,
-            singular_values=empty,
-            vectors=np.zeros((0, 0)),
-            null=empty.astype(bool),
-            weak=empty.astype(bool),
-        )
-    if len(scaled) > 4 * p:
+    if len(scaled) > 4 * scaled.shape[1] > 0:
         scaled = np.asarray(np.linalg.qr(scaled, mode="r"))
-    _, s, vt = np.linalg.svd(scaled)
-    null = (s <= NULL * s[0]) | (s < unseen)
+    s, vectors = _singular(scaled)
+    null = (s <= NULL * s[:1]) | (s < unseen)
     weak = ~null & (s < WEAK * (1 - 1e-9))  # what nothing but the ranges know is not weak
-    spectrum = Directions(names=names, ranges=ranges, singular_values=s, vectors=vt, null=null, weak=weak)
-    return spectrum if root is None or inverse is None else replace(spectrum, vectors=vt @ root, along=vt @ inverse)
+    spectrum = Directions(names=names, ranges=ranges, singular_values=s, vectors=vectors, null=null, weak=weak)
+    if root is None or inverse is None:
+        return spectrum
+    return replace(spectrum, vectors=vectors @ root, along=vectors @ inverse)
+
+
+def _singular(scaled: Array) -> tuple[Array, Array]:
+    """Singular values (p,) and vectors (p, p), rows, of a matrix (n, p).
+
+    A column of zeros is a direction of its own, exactly: what has no effect takes no part in others by rounding.
+    """
+    p = scaled.shape[1]
+    acting = scaled.any(axis=0)
+    some = scaled[:, acting]
+    q = some.shape[1]
+    values, vectors = np.zeros(p), np.zeros((p, p))
+    if q:
+        padded = np.vstack([some, np.zeros((max(q - len(some), 0), q))])
+        _, values[:q], vectors[:q, acting] = np.linalg.svd(padded)
+    vectors[np.arange(q, p), np.flatnonzero(~acting)] = 1.0
+    return values, vectors
 
 
 @dataclass(frozen=True, kw_only=True)

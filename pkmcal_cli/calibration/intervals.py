@@ -77,7 +77,7 @@ def profile_intervals(
     profile = _Profile(with_prior, fit, condensed(with_prior, fit.last).chi2, std, wider)
     ends = workers.results(profile, len(fit.selected), "profile of parameter", observe)
     for k, column in enumerate(index):
-        low_high[k] = np.clip(ends[k], *problem.model.parameters[column].bounds)
+        low_high[k] = np.clip(ends[k], *problem.bounds[column])
     lost = [
         n for n, ends, s in zip(fit.selected, low_high, std, strict=True) if np.isfinite(s) and np.isnan(ends).any()
     ]

@@ -18,7 +18,7 @@ from pkmcal_cli.calibration.prior import Prior
 from pkmcal_cli.calibration.whitening import Clusters
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.parts import Channel
-from pkmcal_cli.prediction import Method, Rows, predict
+from pkmcal_cli.prediction import Method, Rows, bounds_of, predict
 from pkmcal_cli.units.measurands import Measurand
 
 
@@ -85,6 +85,11 @@ class Problem:
     def _nominal(self) -> NominalPoses:
         assert self.poses is not None
         return self.poses
+
+    @property
+    def bounds(self) -> Array:
+        """Bounds (P, 2) of the parameters, SI."""
+        return bounds_of(self.model, self.rows.columns)
 
     @property
     def reading_sigma(self) -> Array:

@@ -216,8 +216,7 @@ def _scattered(problem: Problem, selected: tuple[str, ...], start: Array, count:
     """Values (P,) drawn within the ranges about a start, inside the bounds."""
     model, rng = problem.model, np.random.default_rng([seed, 2])
     index = [model.names.index(n) for n in selected]
-    low = np.array([model.parameters[k].bounds[0] for k in index])
-    high = np.array([model.parameters[k].bounds[1] for k in index])
+    low, high = problem.bounds[index].T
     out = []
     for _ in range(max(count, 0)):
         values = start.copy()

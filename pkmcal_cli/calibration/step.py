@@ -50,8 +50,7 @@ class Scaled:
         model = problem.model
         index = np.array([model.names.index(n) for n in selected], dtype=np.intp)
         chosen = [model.parameters[k] for k in index]
-        low = np.array([p.bounds[0] for p in chosen])
-        high = np.array([p.bounds[1] for p in chosen])
+        low, high = problem.bounds[index].T
         return cls(index, selected, np.array([p.range for p in chosen]), low, high, problem.beside(selected))
 
     def directions(self, jacobian: Array, free: NDArray[np.bool_]) -> Directions:

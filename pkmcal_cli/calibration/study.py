@@ -1,7 +1,8 @@
 """Repeated calibrations of simulated machines: what is left of their errors, by the number of measured points.
 
-A repetition draws the parameters about nominal by half their ranges, points of a region and noise; machines that are
-compared have the same errors in parameters of the same name, and are measured at the same points with the same noise.
+A repetition draws parameters about nominal by half their ranges, identified or not, points of a region and noise;
+machines that are compared have the same errors in parameters of the same name, and are measured at the same points with
+the same noise.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.stages import Observer, unobserved
 from pkmcal_cli.calibration.complete_fit import FitOptions, calibrated
+from pkmcal_cli.calibration.condensed import condensed, evaluate_condensed
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.fitted_frames import frame_parameters, parameter_errors
 from pkmcal_cli.calibration.frame_start import with_frames
@@ -43,6 +45,7 @@ the calibration has failed, or leaves more than noise."""
 class StudiedMachine:
     """A machine, its name, the parameters that are drawn and identified, coordinates that a pose holds.
 
+    unidentified: further parameters that are drawn, of which a calibration knows nothing but nominal values;
     sigma (C,): standard uncertainties of channels, nan where the machine's own hold.
     """
 
@@ -51,6 +54,7 @@ class StudiedMachine:
     selected: tuple[str, ...]
     held: tuple[str, ...]
     sigma: Array
+    unidentified: tuple[str, ...] = ()
 
     @property
     def index(self) -> list[int]:
@@ -66,9 +70,10 @@ class StudiedMachine:
 
     def true_values(self, drawn: dict[str, float]) -> Array:
         """Parameter values (P,) from normal numbers by name: about nominal, standard deviation range / 2, in bounds."""
-        values, index = self.model.nominal, self.index
+        names = (*self.selected, *self.unidentified)
+        values, index = self.model.nominal, [self.model.names.index(n) for n in names]
         low, high = np.array([self.model.parameters[k].bounds for k in index]).reshape(-1, 2).T
-        moved = np.array([drawn[n] for n in self.selected]) * self.model.ranges[index] / 2
+        moved = np.array([drawn[n] for n in names]) * self.model.ranges[index] / 2
         values[index] = np.clip(values[index] + moved, low, high)
         return values
 
@@ -121,6 +126,7 @@ class Study:
         places, errors, noise = (np.random.default_rng(s) for s in seeds)
         readings = self.region.drawn(self.machines, count + self.validation, places)
         names = dict.fromkeys(n for m in self.machines for n in m.selected)
+        names |= dict.fromkeys(n for m in self.machines for n in m.unidentified)
         drawn = dict(zip(names, errors.normal(size=len(names)), strict=True))
         most = max(len(m.model.channels) + len(m.model.actuators) for m in self.machines)
         normal = noise.normal(size=(count, 2 * most))
@@ -146,26 +152,37 @@ def _once(machine: StudiedMachine, readings: Array, drawn: dict[str, float], nor
     true, count = machine.true_values(drawn), len(normal)
     problem = _placed(_measured(machine.problem(readings[:count]), true, normal), machine.selected)
     try:
-        fit = _fitted(problem, machine.selected)
+        more = _more_than_noise(machine, problem, true)
+        fit = _fitted(problem, machine.selected, more)
     except (RowsFailed, np.linalg.LinAlgError):
         return None
     off = _tool_distance(machine.model, true, fit.values, Rows.at(readings[count:]))
     errors = [*(float(v) for v in parameter_errors(machine.model, fit.values, true)[machine.index]), off]
-    return errors if fit.usable and _explains(fit) and all(map(isfinite, errors)) else None
+    return errors if fit.usable and _explains(fit, more) and all(map(isfinite, errors)) else None
 
 
-def _fitted(problem: Problem, selected: tuple[str, ...]) -> Fit:
+def _fitted(problem: Problem, selected: tuple[str, ...], more: float) -> Fit:
     """The fit from nominal values; what that leaves beyond all noise, `calibrate` tries to explain otherwise."""
     fit = identify(problem, selected)
-    if not fit.usable or _explains(fit):
+    if not fit.usable or _explains(fit, more):
         return fit
     session = np.zeros(len(problem), dtype=int)
     return calibrated(problem, selected, problem.model.nominal, FitOptions(), session).robust.fit
 
 
-def _explains(fit: Fit) -> bool:
-    """Whether noise, which is as it is stated here, may leave so much: else it is a false minimum."""
-    return fit.dof <= 0 or float(chdtrc(fit.dof, fit.chi2)) > _NEVER
+def _more_than_noise(machine: StudiedMachine, problem: Problem, true: Array) -> float:
+    """Chi-square per value, at least 1, where all is right but what is not identified: no minimum leaves more."""
+    if not machine.unidentified:
+        return 1.0
+    values = problem.model.nominal
+    values[machine.index] = true[machine.index]
+    there = evaluate_condensed(problem, values, machine.selected)
+    return max(1.0, condensed(problem, there).chi2 / problem.count) if there.solved else 1.0
+
+
+def _explains(fit: Fit, more: float) -> bool:
+    """Whether noise, which is as it is stated here, or `more` of it, may leave so much: else it is a false minimum."""
+    return fit.dof <= 0 or float(chdtrc(fit.dof, fit.chi2 / more)) > _NEVER
 
 
 def _measured(problem: Problem, true: Array, normal: Array) -> Problem:

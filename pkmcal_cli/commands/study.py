@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -39,6 +39,10 @@ Within = Annotated[
 Validation = Annotated[
     int, typer.Option("--validation", metavar="N", min=1, max=10_000, help="Other points, for the tool point.")
 ]
+Held = Annotated[
+    Literal["drawn", "nominal"],
+    typer.Option("--held", help="What is not identified: drawn within its range too, or as nominal."),
+]
 Output = Annotated[
     str | None, typer.Option("-o", "--output", metavar="STUDY.csv", help="Table to write; - is stdout.")
 ]
@@ -51,6 +55,7 @@ def study(
     repeat: Repeat = 200,
     within: Within = None,
     select: Select = "auto",
+    held: Held = "drawn",
     validation: Validation = 10,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of errors, points and noise.")] = 0,
     jobs: Jobs = 1,
@@ -67,7 +72,7 @@ def study(
     Examples:
         pkmcal study scissors --points 10,20 --noise "10 um" --repeat 5
         pkmcal study triglide triglide-nonredundant --within "x=0:950,y=160:390" \\
-            --points 10,40 --repeat 5
+            --held nominal --points 10,40 --repeat 5
         cat machines/scissors.yaml | pkmcal study - --points 10 --repeat 2 --json
     """
     options = locals()

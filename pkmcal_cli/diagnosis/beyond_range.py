@@ -29,7 +29,7 @@ def begun_beyond(hypothesis: Hypothesis, score: Score, offsets: Array, null: Arr
     for name, offset, length2 in zip(hypothesis.parameters, offsets, score.length2, strict=True):
         k = problem.model.names.index(name)
         if name in hypothesis.unknown and length2 > 0:
-            begin.append((name, float(np.clip(null[k] + offset, *problem.model.parameters[k].bounds))))
+            begin.append((name, float(np.clip(null[k] + offset, *problem.bounds[k]))))
     return replace(hypothesis, begin=tuple(begin))
 
 

@@ -40,7 +40,7 @@ def refit(search: Search, starts: Mapping[Hypothesis, Array], expected: float = 
         for name, value in zip(hypothesis.parameters, estimate, strict=True):
             k = search.problem.model.names.index(name)
             if name in hypothesis.unknown:
-                start[k] = near[k] = np.clip(null[k] + value, *search.problem.model.parameters[k].bounds)
+                start[k] = near[k] = np.clip(null[k] + value, *search.problem.bounds[k])
     fit = _converged_fit(search, start, search.fit.before.start)
     if fit is not None and fit.chi2 < _LOST * expected:
         return fit

@@ -7,7 +7,7 @@ over `predict`.
 
 from __future__ import annotations
 
-from pkmcal_cli.prediction.inputs import fixed_options, frozen
+from pkmcal_cli.prediction.inputs import bounds_of, fixed_options, frozen
 from pkmcal_cli.prediction.observation import in_machine_frame
 from pkmcal_cli.prediction.pipeline import configuration, fixed_smoothing, predict, row_chunks
 from pkmcal_cli.prediction.rows import Method, Prediction, Request, Rows, WarmStart, joined_rows
@@ -19,6 +19,7 @@ __all__ = [
     "Request",
     "Rows",
     "WarmStart",
+    "bounds_of",
     "configuration",
     "drive_travels",
     "fixed_options",

@@ -12,6 +12,7 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.model.model import Model
+from pkmcal_cli.prediction.inputs import bounds_of
 from pkmcal_cli.prediction.pipeline import Receiver, predict
 from pkmcal_cli.prediction.rows import Prediction, Request, Rows, WarmStart
 
@@ -39,7 +40,7 @@ def predict_with_derivatives(
     if request.parameters is not None:
         shape = (*here.values.shape, len(request.parameters))
         jacobian = np.zeros(shape)
-        for k, (h, moved) in enumerate(_parameter_steps(model, values, request.parameters)):
+        for k, h, moved in _parameter_steps(model, values, rows, request.parameters):
             above, below = (predict(model, at, rows, bare).values for at in moved)
             jacobian[..., k] = (above - below) / (2 * h)
     if request.by_drive:
@@ -55,15 +56,18 @@ def predict_with_derivatives(
 
 
 def _parameter_steps(
-    model: Model, values: Array, names: tuple[str, ...]
-) -> Iterator[tuple[float, tuple[Array, Array]]]:
-    """Steps, SI, and values (P,) that much above and below."""
-    for name in names:
+    model: Model, values: Array, rows: Rows, names: tuple[str, ...]
+) -> Iterator[tuple[int, float, tuple[Array, Array]]]:
+    """Numbers of those names that the rows let move, steps, SI, and values (P,) that much above and below."""
+    bounds = bounds_of(model, rows.columns)
+    for number, name in enumerate(names):
         k = model.names.index(name)
+        if bounds[k, 0] == bounds[k, 1]:
+            continue
         h = _SHARE * (model.parameters[k].range or max(abs(float(values[k])), 1.0))
         step = np.zeros_like(values)
         step[k] = h
-        yield h, (values + step, values - step)
+        yield number, h, (values + step, values - step)
 
 
 def _lengths(model: Model) -> Array:

@@ -6,7 +6,7 @@ systems), and starts in steady state.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -176,6 +176,15 @@ class SiteInputs(AtSite):
             hint = "log it with the measurement, or delete the effect from the machine file"
             raise BadInput.single(message, Location(self.model.name), hint, "csv-missing")
         return np.asarray(column)
+
+
+def bounds_of(model: Model, columns: Collection[str]) -> Array:
+    """Bounds (P, 2) of the parameters, SI; a lag that nobody can see, as there are no times, stays at 0."""
+    out = np.array([p.bounds for p in model.parameters]).reshape(-1, 2)
+    if "time" not in columns:
+        lags = {n for e in model.effects for n, number in zip(e.parameters, e.numbers, strict=True) if number == "lag"}
+        out[[k for k, name in enumerate(model.names) if name in lags]] = 0.0
+    return out
 
 
 def lag(time: Array, value: Array, tau: Any) -> Array:

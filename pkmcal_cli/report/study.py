@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from pkmcal_cli.base.plural import listed
 from pkmcal_cli.calibration.study import Study
 from pkmcal_cli.calibration.study_figures import CaseFigures, Difference, Mean
 from pkmcal_cli.report.console import Reporter
@@ -57,6 +58,9 @@ class StudyReport:
             to.say(self._reached([c for c in self.cases if c.machine == machine.name]))
         for text in self._compared():
             to.say(text)
+        for machine in (m for m in self.study.machines if m.unidentified):
+            unknown = f"{listed(list(machine.unidentified), 4)} {'is' if len(machine.unidentified) == 1 else 'are'}"
+            to.say(f"note: {machine.name}: {unknown} not identified, but off nominal as the ranges say (`--held`)")
         to.say()
         kinds = [kind for kind in self.units if any(kind in c.kinds for c in self.cases)]
         heads = ["machine", "points", *(f"{kind} parameters" for kind in kinds)]
@@ -100,6 +104,7 @@ class StudyReport:
         return {
             "noise": self.noise,
             "n_repeat": self.repeat,
+            "held": [{"machine": m.name, "drawn": list(m.unidentified)} for m in self.study.machines],
             "n_validation": self.study.validation,
             "region": {"names": list(region.names), "low": region.low.tolist(), "high": region.high.tolist()},
             "cases": [self._case_json(c) for c in self.cases],

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from pkmcal_cli.base.files import input_name, is_stream
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.workers import Workers
+from pkmcal_cli.calibration.error_budget import held_parameters
 from pkmcal_cli.calibration.study import StudiedMachine, Study
 from pkmcal_cli.calibration.study_figures import differences, figures
 from pkmcal_cli.csv_files.writer import check_table
@@ -47,6 +49,7 @@ class StudyRequest:
     repeat: int
     within: str | None
     select: str
+    held: Literal["drawn", "nominal"]
     validation: int
     seed: int
     jobs: int
@@ -65,7 +68,7 @@ def run_study(request: StudyRequest) -> int:
     _check(request)
     to = Reporter(request.quiet)
     study, inputs = _study(request, counts, to)
-    names = ("points", "noise", "within", "select", "validation", "seed")  # with more repetitions it goes on
+    names = ("points", "noise", "within", "select", "held", "validation", "seed")  # with more repetitions it goes on
     state = State.read(request.state, "study", {n: getattr(request, n) for n in names}, inputs)
     total = request.repeat * len(counts)
     done = all_done(study, total, "calibration", workers, state, to)
@@ -162,13 +165,17 @@ def _studied(name: str, loaded: LoadedMachine, request: StudyRequest, spread: tu
             raise UsageError(f"--within: {message}", hint="give coordinates that all tool points move in")
         hint = 'give a box of coordinates that all tool points move in: `--within "x=0:950,y=160:390"`'
         raise UsageError(message, hint=hint)
-    return StudiedMachine(
+    machine = StudiedMachine(
         name=name,
         model=model,
         selected=selection(model, request.select),
         held=held,
         sigma=_sigma(model, request.noise),
     )
+    if request.held == "nominal":
+        return machine
+    unknown = held_parameters(machine.problem(model.reference_readings[None]), machine.selected, ())
+    return replace(machine, unidentified=unknown)
 
 
 def _sigma(model: Model, text: str) -> Array:

@@ -10,6 +10,8 @@ STUDY = Output(
 verdict complete|some_failed|none_calibrated: whether calibrations failed: none, some or all
 noise text: as given
 n_repeat integer: calibrations of each machine and number of points
+held[].machine text: a machine
+held[].drawn[] text: its parameters that are not identified, and are off nominal as their ranges say
 n_validation integer: other points at which the tool point is compared
 region.names[] text: coordinates of the tool point that are drawn
 region.low[] number: their lowest value, m or rad
