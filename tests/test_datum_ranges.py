@@ -136,5 +136,5 @@ def test_a_ball_far_off_leaves_held_directions_at_nominal(tmp_path: Path) -> Non
     rng = np.random.default_rng(5)
     files = four_rails.measure(four_rails.drawn(rng), rng, tmp_path, bar=0.02)
     done = run("diagnose", overlaid(tmp_path, "datum: [h1, z1]\n"), *files, "--json")
-    (found,) = done.json["findings"]
-    assert {found["effect"], found["at"]} & {"scale", "meas_scale"} and found["at"] in ("all", "ballbar"), found
+    (found,) = done.json["effects"]
+    assert (found["effect"], found["at"]) in (("scale", "all"), ("meas_scale", "ballbar")), found
