@@ -116,7 +116,8 @@ def test_a_wide_range_of_what_an_instrument_looks_at_is_no_slip(tmp_path: Path) 
 
 @pytest.mark.slow
 def test_intervals_relative_to_a_datum_hold(tmp_path: Path) -> None:
-    """40 machines drawn as their ranges say, the datum too; 89 % of the intervals held with that as exact."""
+    """40 machines drawn as their ranges say, the datum too; within three standard deviations of what chance does, as
+    intervals of one machine hold or fail together."""
     machine, inside = overlaid(tmp_path, "datum: [h1, z1]\n"), []
     for seed in range(40):
         rng = np.random.default_rng([7, seed])
@@ -125,7 +126,7 @@ def test_intervals_relative_to_a_datum_hold(tmp_path: Path) -> None:
         true = four_rails.named(four_rails.relative_to(truth, 0), tables)
         for p in calibrated(machine, tables)["parameters"]:
             inside.append(abs(p["value"] - true[p["name"]]) < 1.96 * p["std"])
-    assert len(inside) == 40 * 18 and 0.93 < np.mean(inside) < 0.98
+    assert len(inside) == 40 * 18 and 0.91 < np.mean(inside) < 0.99
 
 
 @pytest.mark.slow
@@ -135,5 +136,5 @@ def test_a_ball_far_off_leaves_held_directions_at_nominal(tmp_path: Path) -> Non
     rng = np.random.default_rng(5)
     files = four_rails.measure(four_rails.drawn(rng), rng, tmp_path, bar=0.02)
     done = run("diagnose", overlaid(tmp_path, "datum: [h1, z1]\n"), *files, "--json")
-    names = {f["effect"] for f in done.json["findings"]}
-    assert names == {"scale@all"}, names
+    (found,) = done.json["effects"]
+    assert (found["effect"], found["at"]) in (("scale", "all"), ("meas_scale", "ballbar")), found
