@@ -48,7 +48,7 @@ def with_far_causes(search: Search, observe: Observer = unobserved) -> Search:
     budget = Budget()
     while len(search.far_off) < _MOST and (_absorbed(search) or (_run_away(search) and not _held_explain(search))):
         candidates = [h for h in search.open if h.effect in _KINDS and not h.session]
-        candidates.sort(key=lambda h: h.measurement)  # those of drives first, where there are too many
+        candidates.sort(key=lambda h: len(h.unknown))  # few numbers first, where there are too many or no time
         try:
             better, untried = _best(_from_nominal(search), candidates[:_CANDIDATES], observe, budget)
         except RowsFailed:  # the nominal machine predicts too little to begin with

@@ -228,6 +228,15 @@ def together(
     return ({EACH: tuple(named)} if len(named) > 1 and alike else {}) | by_group | of_sessions
 
 
+def group_of_all(
+    named: Mapping[str, tuple[EffectSite, ...]], groups: EffectGroups, at: str
+) -> dict[str, tuple[EffectSite, ...]]:
+    """The group of a name, where an effect is the same at all of its places and these are all in it: like `all`."""
+    members = set(groups.get(at, ()))
+    places_ = {n.partition(".")[0] for n in named if n != ALL and "[" not in n and n not in groups}
+    return {at: named[ALL]} if ALL in named and members and places_ <= members else {}
+
+
 def _in_one_group(named: Iterable[str], groups: EffectGroups) -> bool:
     """Whether all places are those of one group: what is not alike does not err alike."""
     parts = {n.partition(".")[0] for n in named}
