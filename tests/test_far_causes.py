@@ -12,6 +12,7 @@ from pkmcal_cli.base.budget import Budget
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.diagnosis import far_causes
 from pkmcal_cli.diagnosis.far_causes import run_off, with_far_causes
+from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.scoring import Search
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.workflow.search_case import CaseRequest, prepare
@@ -76,6 +77,25 @@ def test_a_far_cause_is_free_in_size_and_later_fits_begin_with_it(search: Search
     assert free[k] == search.problem.model.length > 100 * usual[k]
     assert np.array_equal(np.delete(free, k), np.delete(usual, k))
     assert with_far_causes(found) is found, "nothing else is far off"
+
+
+def test_where_a_cause_of_usual_size_is_ahead_no_rival_that_is_far_is_named(
+    search: Search, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A scale common to all drives fitted best, within its range: a group far beyond its own was named, as it was far.
+
+    Here what is best counts as usual, and all others as far.
+    """
+    usual: list[str] = []
+
+    def far(_: Search, hypothesis: Hypothesis, __: object) -> bool:
+        usual.append(hypothesis.name)
+        return hypothesis.name != "zero@all"
+
+    monkeypatch.setattr(far_causes, "_explains", lambda *_: True)
+    monkeypatch.setattr(far_causes, "_is_far", far)
+    monkeypatch.setattr(far_causes, "_WORTH", 10.0)
+    assert not with_far_causes(search).accepted and usual == ["zero@all"]
 
 
 def test_what_there_was_no_time_for_is_told(search: Search, monkeypatch: pytest.MonkeyPatch) -> None:

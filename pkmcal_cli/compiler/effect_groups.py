@@ -1,4 +1,4 @@
-"""Members of a machine that may err alike: those of one `each`, drives of one kind, those above and below, its own."""
+"""Members of a machine that may err alike: of one `each`, drives or sensors of one kind, above and below, its own."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from pkmcal_cli.language.channels import kind_of_sensor
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.sections import driven_sections, sections_with
 from pkmcal_cli.model.effect_sites import EffectGroups, EffectSites
@@ -18,7 +19,8 @@ _APART = 0.5  # of the difference of all heights, that lies between those above 
 def effect_groups(machine: Machine, sites: EffectSites) -> EffectGroups:
     """Groups of places by name, those of the machine file first; a group of the same members stands once."""
     named: dict[str, tuple[str, ...]] = {}
-    for name, members in (*machine.groups.items(), *_levels(machine, sites), *_kinds(sites), *_repeated(machine)):
+    automatic = (*_levels(machine, sites), *_kinds(sites), *_sensor_kinds(machine, sites), *_repeated(machine))
+    for name, members in (*machine.groups.items(), *automatic):
         if len(members) > 1 and name not in named and not any(set(members) == set(m) for m in named.values()):
             named[name] = members
     return named
@@ -29,7 +31,7 @@ Grouped = Iterator[tuple[str, tuple[str, ...]]]
 
 def _repeated(machine: Machine) -> Grouped:
     """Entries that one `each` has made: they stand at one place of the file."""
-    for section in ("actuators", "guides", *sections_with("between")):
+    for section in ("actuators", "guides", *sections_with("between"), "sensors"):
         by_place: dict[object, list[str]] = {}
         for name in getattr(machine, section):
             path: Path = (section, name)
@@ -45,6 +47,15 @@ def _kinds(sites: EffectSites) -> Grouped:
         by_kind.setdefault(site.kind, []).append(name)
     for kind, members in by_kind.items():
         yield f"{kind}_drives", tuple(members)
+
+
+def _sensor_kinds(machine: Machine, sites: EffectSites) -> Grouped:
+    """Sensors of one kind: often one instrument at several places."""
+    by_kind: dict[str, list[str]] = {}
+    for name in sites.get("frame", {}):
+        by_kind.setdefault(kind_of_sensor(machine.sensors[name]).keyword, []).append(name)
+    for kind, members in by_kind.items():
+        yield f"{kind}_sensors", tuple(members)
 
 
 def _levels(machine: Machine, sites: EffectSites) -> Grouped:

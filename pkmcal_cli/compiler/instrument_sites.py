@@ -45,7 +45,7 @@ def instruments(c: SiteCollector) -> Named:
 def _kind(sensor: PlacedSensor) -> str:
     if sensor.kind.reads_coordinates:
         return "coordinates"
-    return "rotary" if sensor.kind.measurand.dimension == ANGLE else "linear"
+    return "rotary" if sensor.kind.measurand.dimension == ANGLE else "length"
 
 
 def _felt(c: SiteCollector, sensor: PlacedSensor) -> Iterator[tuple[int, int]]:

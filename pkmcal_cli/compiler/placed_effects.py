@@ -22,6 +22,7 @@ from pkmcal_cli.model.effect_sites import (
     EffectSites,
     PlacedEffect,
     fitting,
+    group_of_all,
     parameters_at,
     place_and_session,
     places,
@@ -112,7 +113,8 @@ def _places_for(machine: Machine, model: Model, effect: Effect, at: str) -> Mapp
     """Places where a file may declare an effect, by name; one that acts by gravity also without."""
     session = at if effect.places == "session" else place_and_session(at)[1]
     if not weightless(machine, effect):
-        return places(model.sites, effect, (session,) if session else (), model.effect_groups)
+        known = places(model.sites, effect, (session,) if session else (), model.effect_groups)
+        return known | group_of_all(known, machine.groups, at)
     return dict.fromkeys((ALL,) if effect.places == "all" else fitting(model.sites, effect), ())
 
 

@@ -30,7 +30,7 @@ from pkmcal_cli.diagnosis.linear import Linear, linear_problem
 from pkmcal_cli.diagnosis.score import UNUSUAL
 from pkmcal_cli.diagnosis.scoring import FarOff, Search
 
-_KINDS = ("zero", "scale")
+_KINDS = ("zero", "scale", "meas_zero", "meas_scale")
 _NOWHERE = 10.0  # the same, where no machine has it
 _TIMES = 25.0  # chi-square over its degrees of freedom, from which on that is looked into
 _EXPLAINED = 0.75  # share of chi-square that a far cause explains
@@ -48,6 +48,7 @@ def with_far_causes(search: Search, observe: Observer = unobserved) -> Search:
     budget = Budget()
     while len(search.far_off) < _MOST and (_absorbed(search) or (_run_away(search) and not _held_explain(search))):
         candidates = [h for h in search.open if h.effect in _KINDS and not h.session]
+        candidates.sort(key=lambda h: len(h.unknown))  # few numbers first, where there are too many or no time
         try:
             better, untried = _best(_from_nominal(search), candidates[:_CANDIDATES], observe, budget)
         except RowsFailed:  # the nominal machine predicts too little to begin with
@@ -132,16 +133,21 @@ def _off_nominal(search: Search, fit: Fit) -> tuple[tuple[str, ...], Array, Arra
 def _best(
     search: Search, candidates: Sequence[Hypothesis], observe: Observer, budget: Budget
 ) -> tuple[Search | None, tuple[str, ...]]:
-    """The search with the far-off cause that has most evidence; None where none is one. Names for which no time was."""
+    """The search with the far-off cause that has most evidence; None where none is one. Names for which no time was.
+
+    None as well where the one with most evidence is of usual size: that is for the linear tests, which see its rivals.
+    """
     screened, untried = _screened(search, candidates, observe, budget)
     variance = max(min((f.chi2_per_dof for f in screened.values()), default=1.0), 1.0)
     order = sorted(screened, key=lambda h: _cost(search, screened[h], h, variance))[:_BEST]
     ends = {h: fit for h in order if (fit := _fitted(search, h, screened[h])) is not None}
     variance = max(min((f.chi2_per_dof for f in ends.values()), default=1.0), 1.0)
     cost = {h: _cost(search, fit, h, variance) for h, fit in ends.items()}
-    far = [h for h in sorted(ends, key=lambda h: cost[h]) if _is_far(search, h, ends[h])]
-    for hypothesis in far:
-        competing = [h for h in far if h is hypothesis or not h.akin(hypothesis)]
+    able = [h for h in sorted(ends, key=lambda h: cost[h]) if _explains(search, ends[h])]
+    for hypothesis in able:
+        if not _is_far(search, hypothesis, ends[hypothesis]):
+            return None, untried
+        competing = [h for h in able if h is hypothesis or not h.akin(hypothesis)]
         weight = np.exp([cost[hypothesis] - cost[h] for h in competing])
         rivals = [(h.whole, float(w / weight.sum())) for h, w in zip(competing, weight, strict=True)]
         far_off = FarOff(
@@ -268,14 +274,18 @@ def _with(search: Search, hypothesis: Hypothesis, fit: Fit, far_off: FarOff) -> 
 
 
 def _is_far(search: Search, hypothesis: Hypothesis, fit: Fit) -> bool:
-    """Whether a cause explains most of what was left, brings declared parameters back, and it or they are far off."""
+    """Whether a cause is far off, or declared parameters are without it."""
     model = search.problem.model
     index = [model.names.index(n) for n in hypothesis.unknown]
     size = float((np.abs(fit.values[index] - model.nominal[index]) / model.ranges[index]).max(initial=0.0))
+    return size > UNUSUAL or _furthest(search, search.fit) > _NOWHERE
+
+
+def _explains(search: Search, fit: Fit) -> bool:
+    """Whether a fit with a cause explains most of what was left, and brings declared parameters back."""
     before = _furthest(search, search.fit)
     return (
-        (size > UNUSUAL or before > _NOWHERE)
-        and _misfit(search, fit) < (1 - _EXPLAINED) * _misfit(search, search.fit)
+        _misfit(search, fit) < (1 - _EXPLAINED) * _misfit(search, search.fit)
         and (before <= OUT or _furthest(search, fit) < max(_BACK * before, OUT))
         and len(fit.failed) <= len(search.fit.failed)
     )

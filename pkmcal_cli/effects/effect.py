@@ -54,7 +54,7 @@ ABSENT: dict[Entry, str] = {
 
 KINDS: dict[Kind, str] = {
     "any": "", "linear": "no drive moves along a line", "rotary": "no drive turns", "spool": "no drive winds a spool",
-    "coordinates": "no sensor reads coordinates",
+    "coordinates": "no sensor reads coordinates", "length": "no sensor reads a length",
 }  # fmt: skip
 """What a machine lacks where its drives and sensors are of another kind."""
 
@@ -71,7 +71,7 @@ FRAME_PARTS = {
 """The numbers of the entry `frame`, of which a kind of sensor feels some: translation (m) and rotation (rad) of the
 coordinates, scale, shear, place of the other end of a distance (m), shift of a single number (m or rad)."""
 
-Kind = Literal["any", "linear", "rotary", "spool", "coordinates"]
+Kind = Literal["any", "linear", "rotary", "spool", "coordinates", "length"]
 Column = Literal["time", "temperature", "direction", "payload", "session", "spindle"]
 Stage = Literal["command", "geometry", "stiffness", "load", "reading"]
 STAGES: dict[Entry, Stage] = {

@@ -57,11 +57,25 @@ MEAS_SCALE = Effect(
     enters="frame",
     parameters=(EffectParameter(name="s", unit="um/m", range=100, text="scale", rotary="urad/rad"),),
     formula=lambda at, s: _parts(scale=[s]),
-    common=False,
     measurement=True,
     cause="The length scale of {at} is off by {size}.",
     result="All readings of {at} are scaled by the same factor.",
     action="Measure a calibrated length in the same set-up; check air temperature and pressure of {at}.",
+)
+MEAS_ZERO = Effect(
+    keyword="meas_zero",
+    title="constant of an instrument that measures distances",
+    symbol="",
+    source="ISO 230-4 (calibrated length of the ball bar), ISO 17123-4 (zero-point correction)",
+    enters="frame",
+    parameters=(EffectParameter(name="o", unit="um", range=1000, text="shift of the reading"),),
+    formula=lambda at, o: _parts(reading=[o]),
+    where="length",
+    measurement=True,
+    nowhere="the zero of what touches a surface is the place of the surface, `frame`",
+    cause="The constant of {at} (length of the bar, home of the wire) is off by {size}.",
+    result="Every reading of {at} is shifted by the same amount.",
+    action="Measure a calibrated length with {at}, or make its `zero` a parameter of the machine file.",
 )
 MEAS_SHEAR = Effect(
     keyword="meas_shear",

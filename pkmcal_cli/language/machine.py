@@ -74,7 +74,7 @@ class Machine(Entity, Generic[V, F]):
     )
 
     groups: dict[Name, tuple[str, ...]] = Field(
-        default={}, description="Drives, members or guides that may err alike, {upper: [q1, q2]}: a place of effects"
+        default={}, description="Drives, members, guides, sensors that err alike, {upper: [q1, q2]}: a place of effects"
     )
 
     _source: SourceMap = PrivateAttr(default_factory=SourceMap)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -16,6 +16,7 @@ from pkmcal_cli.model.parts import ModelParameter
 
 _STEP = 1e-40
 _FELT = 1e-12  # m, rad, ... at effects of the size of one: less is rounding
+_AT_SENSORS = ("frame", "tool")  # entries whose places are sensors: other kinds of these are other instruments
 NONE: Index = np.zeros(0, dtype=np.intp)
 
 
@@ -40,7 +41,7 @@ class EffectSite:
     folds: float = 1.0  # line that a spool winds per travel of its rope
     at: Array = field(default_factory=lambda: np.zeros(3))
     down: Array = field(default_factory=lambda: np.zeros(3))
-    kind: str = "linear"  # of a drive: linear, rotary, spool; of a sensor: coordinates, linear, rotary
+    kind: str = "linear"  # of a drive: linear, rotary, spool; of a sensor: coordinates, length, rotary
     period: float = float("nan")  # lead of its screw or period of its encoder, m or rad of travel
 
     @property
@@ -195,7 +196,8 @@ def places(
 ) -> dict[str, tuple[EffectSite, ...]]:
     """Where an effect can sit and does something, by name; `all` where it can be the same at several places.
 
-    `sessions`: those in one of which it can act; `groups`: those in which it can be the same.
+    `sessions`: those in one of which it can act; `groups`: those in which it can be the same. Of instruments, only such
+    of one group have the same everywhere.
     """
     named = fitting(sites, effect, lambda site: _acts(effect, site))
     everywhere = tuple(s for sites_here in named.values() for s in sites_here)
@@ -208,7 +210,8 @@ def places(
     )
     if effect.common and len(named) > 1:
         alike = {g: tuple(s for m in members for s in named[m]) for g, members in _some(named, groups or {}).items()}
-        named |= {ALL: everywhere} | {g: members for g, members in alike.items() if g not in named}
+        every = {ALL: everywhere} if effect.enters not in _AT_SENSORS or _in_one_group(named, groups or {}) else {}
+        named |= every | {g: members for g, members in alike.items() if g not in named}
     return named | of_sessions
 
 
@@ -216,13 +219,28 @@ def together(
     sites: EffectSites, effect: Effect, groups: EffectGroups, sessions: tuple[str, ...] = ()
 ) -> dict[str, tuple[str, ...]]:
     """Places at which an effect may have values of its own together, by name: of groups, all of them, of sessions."""
-    if effect.places in ("session", "all"):
+    if effect.places in ("session", "all") or (effect.enters in _AT_SENSORS and not effect.common):
         return {}
     named = fitting(sites, effect, lambda site: _acts(effect, site))
     by_group = {f"{EACH}:{g}": members for g, members in _some(named, groups).items()}
-    alike = any({n.partition(".")[0] for n in named} <= set(members) for members in groups.values())
+    alike = _in_one_group(named, groups)
     of_sessions = _anew(tuple(named), sessions) if effect.by_session and EACH not in sessions else {}
     return ({EACH: tuple(named)} if len(named) > 1 and alike else {}) | by_group | of_sessions
+
+
+def group_of_all(
+    named: Mapping[str, tuple[EffectSite, ...]], groups: EffectGroups, at: str
+) -> dict[str, tuple[EffectSite, ...]]:
+    """The group of a name, where an effect is the same at all of its places and these are all in it: like `all`."""
+    members = set(groups.get(at, ()))
+    places_ = {n.partition(".")[0] for n in named if n != ALL and "[" not in n and n not in groups}
+    return {at: named[ALL]} if ALL in named and members and places_ <= members else {}
+
+
+def _in_one_group(named: Iterable[str], groups: EffectGroups) -> bool:
+    """Whether all places are those of one group: what is not alike does not err alike."""
+    parts = {n.partition(".")[0] for n in named}
+    return any(parts <= set(members) for members in groups.values())
 
 
 def _anew(named: tuple[str, ...], sessions: tuple[str, ...]) -> dict[str, tuple[str, ...]]:

@@ -39,5 +39,8 @@ ANGLE = SensorKind(
     measurand=Measurand.ANGLE,
     rotates=True,
     equation=_read,
-    unmoved={"meas_shear": "only an instrument with axes of its own (`tcp`) can have axes that are not square"},
+    unmoved={
+        "meas_zero": "its zero is `rz` of its `frame`",
+        "meas_shear": "only an instrument with axes of its own (`tcp`) can have axes that are not square",
+    },
 )

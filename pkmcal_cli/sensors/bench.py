@@ -15,6 +15,7 @@ BENCH = SensorKind(
     measurand=Measurand.BENCH,
     equation=lambda seen: [seen["value"][:, 0]],
     unmoved=dict.fromkeys(
-        ("frame", "drift", "meas_scale", "meas_shear"), "it is measured once, on the bench: its error is its `sigma`"
+        ("frame", "drift", "meas_scale", "meas_zero", "meas_shear"),
+        "it is measured once, on the bench: its error is its `sigma`",
     ),
 )

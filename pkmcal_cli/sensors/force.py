@@ -18,6 +18,7 @@ FORCE = SensorKind(
         "frame": "a force is the same wherever the instrument stands",
         "drift": "its errors are its `zero` and `scale`: make them parameters",
         "meas_scale": "its errors are its `zero` and `scale`: make them parameters",
+        "meas_zero": "its errors are its `zero` and `scale`: make them parameters",
         "meas_shear": "only an instrument with axes of its own (`tcp`) can have axes that are not square",
     },
 )

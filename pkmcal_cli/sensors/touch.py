@@ -33,6 +33,7 @@ TOUCH = SensorKind(
     normal=("z", "y"),
     unmoved={
         "meas_scale": "it always reads 0, whatever its scale",
+        "meas_zero": "its zero is the place of its surface, `frame`",
         "meas_shear": "only an instrument with axes of its own (`tcp`) can have axes that are not square",
     },
 )
