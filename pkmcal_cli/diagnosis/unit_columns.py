@@ -29,7 +29,7 @@ class UnitColumn:
 
     def shaped(self, shapes: Array) -> Array:
         """Columns (N * C, k) of shapes (N, k)."""
-        return np.asarray((self.column[:, :, None] * shapes[:, None, :]).reshape(-1, shapes.shape[1]))
+        return np.asarray((self.column[:, :, None] * shapes[:, None, :]).reshape(self.column.size, shapes.shape[1]))
 
 
 def unit_columns(

@@ -71,6 +71,7 @@ def _model(data: DataSet, start: Array) -> Any:
         length=1.0,
         overdetermined=False,
         correlated=(),
+        effects=(),
         topology=SimpleNamespace(drives=()),
         exact=SimpleNamespace(ropes=False),
         data=data,
