@@ -77,7 +77,10 @@ def test_a_prior_relative_to_a_datum_has_the_covariance_of_both() -> None:
     assert known.centre == pytest.approx(centre[:6] + beside @ (centre[6:] - 0.5))
 
 
-@pytest.mark.parametrize("more", [(), ("--prior", "ranges")], ids=["held", "prior"])
+@pytest.mark.parametrize(
+    "more",
+    [pytest.param((), id="held"), pytest.param(("--prior", "ranges"), id="prior", marks=pytest.mark.slow)],
+)
 def test_what_the_datum_is_changes_no_length(files: list[str], tmp_path: Path, more: tuple[str, ...]) -> None:
     """Nor how well it is known: rods, the tool point, distances between rails and balls."""
     first, second = (
