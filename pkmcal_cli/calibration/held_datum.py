@@ -51,5 +51,5 @@ class HeldDatum:
 def mixing(beside: Array) -> tuple[Array, Array]:
     """Root K (p, p) of the covariance 1 + B B^T of offsets in ranges beside those of a datum, B (p, g); its inverse."""
     vectors, size, _ = np.linalg.svd(beside, full_matrices=False)
-    root = np.sqrt(1.0 + size**2)
-    return tuple(np.eye(len(beside)) + (vectors * (factor - 1.0)) @ vectors.T for factor in (root, 1.0 / root))  # type: ignore[return-value]
+    identity, more = np.eye(len(beside)), np.sqrt(1.0 + size**2) - 1.0
+    return identity + (vectors * more) @ vectors.T, identity - (vectors * (more / (1.0 + more))) @ vectors.T

@@ -126,17 +126,15 @@ def directions(
     of a datum is off by its range (`HeldDatum`).
     """
     scaled = jacobian * ranges
-    root, inverse = (None, None) if beside is None or not beside.any() else mixing(beside)
-    scaled = scaled if root is None else scaled @ root
+    mixed = None if beside is None or not beside.any() else mixing(beside)
+    scaled = scaled if mixed is None else scaled @ mixed[0]
     if len(scaled) > 4 * scaled.shape[1] > 0:
         scaled = np.asarray(np.linalg.qr(scaled, mode="r"))
     s, vectors = _singular(scaled)
     null = (s <= NULL * s[:1]) | (s < unseen)
     weak = ~null & (s < WEAK * (1 - 1e-9))  # what nothing but the ranges know is not weak
     spectrum = Directions(names=names, ranges=ranges, singular_values=s, vectors=vectors, null=null, weak=weak)
-    if root is None or inverse is None:
-        return spectrum
-    return replace(spectrum, vectors=vectors @ root, along=vectors @ inverse)
+    return spectrum if mixed is None else replace(spectrum, vectors=vectors @ mixed[0], along=vectors @ mixed[1])
 
 
 def _singular(scaled: Array) -> tuple[Array, Array]:
