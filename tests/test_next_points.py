@@ -69,6 +69,26 @@ def test_noise_is_told_by_the_residuals_not_by_what_is_stated(tmp_path: Path) ->
     assert stds[0] > 1.03 * l1["std"], "which takes a mean of both"
 
 
+@pytest.mark.parametrize(("k", "command"), [(4, "diagnose"), (6, "improve")])
+@pytest.mark.usefixtures("hasty")
+def test_where_there_is_more_than_noise_a_cause_is_to_be_looked_for(k: int, command: str, tmp_path: Path) -> None:
+    """By a command that takes so few rows; and no more are proposed than were measured, as they may show it."""
+    readings, values, _ = campaign(CASES[3], 4, k)
+    found = asked(tmp_path / "a.csv", readings, values, 12e-6)
+    assert found.advice == command and found.needed > 2 * k**2 >= 2 * len(found.added.points) > 0
+    done = run("plan", MACHINE, tmp_path / "a.csv", "--next", "--budget", 150, "--aim", "l1 12 um")
+    assert f"times the stated noise: `pkmcal {command}` looks for a cause" in done.err
+    quiet = asked(tmp_path / "b.csv", readings, campaign(CASES[0], 4, k)[1], 12e-6)
+    assert not quiet.advice
+
+
+@pytest.mark.slow
+def test_who_follows_the_advice_needs_fewer_rows_than_one_who_counts_the_cause_as_noise(tmp_path: Path) -> None:
+    found = grown(CASES[3], 4, tmp_path)
+    assert found.status == "reached" and abs(found.error) < 2 * LIMIT
+    assert found.rows < 0.6 * Knowing.of(CASES[3], 4, tmp_path).fixed()
+
+
 @pytest.mark.usefixtures("hasty")
 def test_the_rows_that_it_asks_for_tell_what_it_says(tmp_path: Path) -> None:
     case, rng = CASES[0], np.random.default_rng(5)

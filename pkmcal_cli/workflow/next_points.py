@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from pkmcal_cli.calibration.unknown_sides import with_unknown_sides
 from pkmcal_cli.diagnosis.experiment_design import best_points, whitened_blocks, with_rows
 from pkmcal_cli.diagnosis.hypotheses import candidates_of
 from pkmcal_cli.diagnosis.linear import linear_problem
+from pkmcal_cli.diagnosis.rotations import FEWEST_TO_SPLIT
 from pkmcal_cli.gross_errors.hints import nothing_measured
 from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine, load_measurements, load_parameters
 from pkmcal_cli.model.model import Model
@@ -45,6 +46,10 @@ _POOL = 1000
 _ALL_AT_ONCE = 4  # points: of more that are needed, half are measured before the rest is planned
 _NEAR = 0.05  # of a drive's travel in the table: points so near to one that could not be measured are not proposed
 _NOISY = 1.5  # times the stated noise, from which on it is worth a word
+_ADVICE = {
+    "diagnose": "`pkmcal diagnose` looks for a cause",
+    "improve": "`pkmcal improve` looks for a cause; with the machine that it writes fewer rows may do",
+}
 _NO_WORKSPACE = (
     "help: candidate points lie around the measured ones; declare `workspace:` in the machine file to use all of it"
 )
@@ -75,6 +80,13 @@ class NextPoints:
         return "continue" if len(self.added.points) else "not_reached"
 
     @property
+    def advice(self) -> Literal["", "diagnose", "improve"]:
+        """The command that looks for a cause where there is more than noise: of few rows none can be added."""
+        if self.noise <= _NOISY:
+            return ""
+        return "improve" if self.rows >= FEWEST_TO_SPLIT else "diagnose"
+
+    @property
     def rows_to_append(self) -> Rows:
         """The points as rows of the same table: with sessions where it has a column for them."""
         rows = self.added.points.rows
@@ -96,9 +108,8 @@ class NextPoints:
             after = _text(reached.after, unit)
             more = f"about {count(self.needed, 'further row')} needed (then {after} expected)"
             to.say(f"continue: {known}, {aim}; {more}; next {len(self.added.points)}:")
-        if self.noise > _NOISY:
-            message = f"warning: residuals are {self.noise:.2g} times the stated noise"
-            to.warn(f"{message}: `pkmcal diagnose` looks for a cause")
+        if self.advice:
+            to.warn(f"warning: residuals are {self.noise:.2g} times the stated noise: {_ADVICE[self.advice]}")
         if len(self.added.points):
             self.added.show_points(to, self.loaded.model)
             self._show_session(to)
@@ -246,14 +257,18 @@ def _proposed(loaded: LoadedMachine, campaign: _Campaign, goal: RequestedAim, bu
     promised = replace(goal, limit=outlook.promised(goal.limit))
     chosen, reached = fewest(campaign.problem, pool, chosen, promised, campaign.values, campaign.selected)
     needed = len(chosen.rows)
-    batch = chosen.rows if needed <= _ALL_AT_ONCE else chosen.rows[: math.ceil(needed / 2)]
-    batch = batch if reached.done else batch[:0]
+    batch = chosen.rows[: _batch(needed, len(campaign.problem)) if reached.done else 0]
     reach = Reached(name, goal.limit, std, outlook.std(reached.after))
     added = Added(goal.aim, pool.take(batch), replace(chosen, rows=batch), reach)
     return NextPoints(
         loaded=loaded, rows=len(campaign.problem), budget=budget, noise=campaign.noise, added=added,
         ways=ways.take(batch), needed=needed, value=float(campaign.values[campaign.problem.model.names.index(name)]),
     )  # fmt: skip
+
+
+def _batch(needed: int, done: int) -> int:
+    """How many points are measured before the rest is planned: never more than were, as a cause may show on the way."""
+    return needed if needed <= _ALL_AT_ONCE else min(math.ceil(needed / 2), done)
 
 
 def _design_std(campaign: _Campaign, name: str) -> float:
