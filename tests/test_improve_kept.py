@@ -129,9 +129,7 @@ def test_rows_that_report_do_not_decide() -> None:
     """Whether an effect is accepted is the same whatever the error on the report rows becomes; only that is told."""
     fold = SimpleNamespace(report=np.zeros(20), fit=SimpleNamespace(usable=True))
     figure = ErrorFigures(kind="position", rms=1.0, largest=2.0, criterion=1.0, count=100, dimension="length")
-    before = Errors(
-        fit={}, choose={}, report={"position": figure}, channels={}, chi2=1.0, points=joined(())
-    )
+    before = Errors(folds=(), fit={}, report={"position": figure}, channels={}, chi2=1.0, points=joined(()))
     progress = SimpleNamespace(errors=before, folds=(fold,) * 5)
     for chi2 in (0.1, 1.0, 50.0):
         after = replace(before, report={"position": replace(figure, rms=chi2)}, chi2=chi2)

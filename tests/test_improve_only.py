@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from pkmcal_cli.diagnosis import report_rows
 from tests.command import TRIGLIDE, clean, run
 from tests.computed_once import run_once
 from tests.truth.campaigns import Planted, campaign
@@ -33,6 +34,18 @@ def test_a_displacement_without_a_name_is_not_added_unless_it_is_listed(tables: 
     assert {f"{s['effect']}@{s['at']}" for s in done.json["steps"]} <= {"backlash@all"}
     assert done.json["only"] == ["backlash@all"]
     assert "of the catalogue" not in done.err and "only backlash@all was tested" in done.err
+
+
+def test_what_is_only_shown_is_fitted_only_where_it_is_shown(
+    tables: dict[str, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The error on rows that chose takes three fits of each rotation and step."""
+    made, plain = [], report_rows._inner
+    monkeypatch.setattr(report_rows, "_inner", lambda fold: made.append(fold) or plain(fold))
+    asked = ("improve", TRIGLIDE, tables["scaled"], "--only", "scale@q1")
+    assert run(*asked, "-q").code == 0 and not made
+    done = run(*asked)
+    assert "rms selection" in done.err and "+ scale@q1" in done.err and len(made) == 10, "rotations, before and with it"
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures, channel_figures, error_figures, pooled
 from pkmcal_cli.calibration.fit import Fit
-from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.point_errors import PointErrors, joined, point_errors
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate, lost_rows, predicted_part, weighted_residual
@@ -40,13 +40,18 @@ class Errors:
     Of rows that are predicted; `failed` of those that report are not.
     """
 
+    folds: tuple[OuterFold, ...] = field(compare=False, repr=False)
     fit: dict[str, ErrorFigures]
-    choose: dict[str, ErrorFigures]
     report: dict[str, ErrorFigures]
     channels: dict[str, ErrorFigures]  # by channel, on the report rows
     chi2: float  # mean square whitened residual on the report rows
     points: PointErrors = field(compare=False)  # of positions on the report rows
     failed: int = 0
+
+    @cached_property
+    def choose(self) -> dict[str, ErrorFigures]:
+        """On the rows that chose: only shown, so that they are fitted when they are."""
+        return pooled([figures for t in self.folds for figures in t.held_out])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,6 +73,11 @@ class OuterFold:
         """The rows that report, at the fit."""
         return evaluate(self.report, self.fit.values, ())
 
+    @cached_property
+    def held_out(self) -> tuple[dict[str, ErrorFigures], ...]:
+        """Figures of each group of cells of the rows that choose, by a fit of the others; without those that fail."""
+        return tuple(error_figures(*_predicted(problem, there)) for problem, there in _inner(self))
+
     def chose(self, alike: Sequence[Hypothesis]) -> bool:
         """Whether these rows name the first of effects that all rows cannot separate, or one of the others.
 
@@ -82,9 +92,8 @@ class OuterFold:
 def errors_of(folds: Sequence[OuterFold]) -> Errors:
     """Figures over all rotations."""
     fit = [error_figures(*_predicted(t.train, t.fit.after)) for t in folds]
-    choose, report, channels, points, squares, values, failed = [], [], [], [], 0.0, 0, 0
+    report, channels, points, squares, values, failed = [], [], [], 0.0, 0, 0
     for t in folds:
-        choose += [error_figures(*_predicted(problem, there)) for problem, there in _inner(t)]
         there = t.reported
         failed += len(lost_rows(t.report, there))
         part, there = _predicted(t.report, there)
@@ -95,8 +104,8 @@ def errors_of(folds: Sequence[OuterFold]) -> Errors:
         squares += float((weighted_residual(part, there) ** 2).sum())
         values += part.count
     return Errors(
+        folds=tuple(folds),
         fit=pooled(fit),
-        choose=pooled(choose),
         report=pooled(report),
         channels=pooled(channels),
         chi2=squares / max(values, 1),
@@ -111,14 +120,20 @@ def _predicted(problem: Problem, evaluation: Evaluation) -> tuple[Problem, Evalu
 
 
 def _inner(fold: OuterFold, folds: int = 3) -> Iterator[tuple[Problem, Evaluation]]:
-    """Each of a few groups of cells of the training rows, at a fit of the others; states begin at those of all."""
+    """Each of a few groups of cells of the training rows, at a fit of the others; states begin at those of all.
+
+    Values do not: what the others do not determine would stay where these rows put it.
+    """
     labels = cells(fold.train, folds)
     before, after = fold.fit.before.start, fold.fit.after.start
     for k in np.unique(labels):
         others, rows = np.nonzero(labels != k)[0], np.nonzero(labels == k)[0]
-        fit = identify(fold.train.take(others), fold.fit.selected, fold.start, states=before.take(others))
         part = fold.train.take(rows)
-        yield part, evaluate(part, fit.values, start=after.take(rows))
+        try:
+            fit = identify(fold.train.take(others), fold.fit.selected, fold.start, states=before.take(others))
+            yield part, evaluate(part, fit.values, start=after.take(rows))
+        except (RowsFailed, np.linalg.LinAlgError):
+            continue
 
 
 def _squares(fold: OuterFold) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 from pkmcal_cli.base.plural import count
@@ -132,13 +133,16 @@ class ImprovementReport(ImprovedFiles):
 
     def _show_steps(self, to: Reporter) -> None:
         kind = next(iter(self.improvement.before.report))
-        rows = [("calibrated", *self._three(self.improvement.before, kind), "", "")]
-        for step in self.improvement.steps:
-            chosen = f"{step.chosen} of {self.improvement.rotations}"
-            rows.append((f"+ {step.hypothesis.name}", *self._three(step.errors, kind), chosen, _added(step)))
         to.say()
         headers = ("effect", "rms fit", "rms selection", "rms report", "selected", "")
-        to.table(f"Steps ({kind})", headers, rows)
+        to.table(f"Steps ({kind})", headers, self._step_rows(kind))
+
+    def _step_rows(self, kind: str) -> Iterator[tuple[str, ...]]:
+        """Lines of the table, made as they are shown: errors on the rows that chose take fits."""
+        yield ("calibrated", *self._three(self.improvement.before, kind), "", "")
+        for step in self.improvement.steps:
+            chosen = f"{step.chosen} of {self.improvement.rotations}"
+            yield (f"+ {step.hypothesis.name}", *self._three(step.errors, kind), chosen, _added(step))
 
     def _three(self, errors: Errors, kind: str) -> tuple[str, str, str]:
         fit, choose, report = (readable(f[kind].rms, figure_unit(self.machine, f[kind])) for f in _parts(errors))
