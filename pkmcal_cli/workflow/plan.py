@@ -131,7 +131,7 @@ def _prepared(
     request: PlanRequest, loaded: LoadedMachine, start: Start, poses: PoseSet, to: Reporter
 ) -> tuple[PoseSet, dict[str, str]]:
     """Poses where probes touch; sha256 by name of all that was read. Raises OutputError."""
-    for text in start.warnings:
+    for text in start.remarks(bool(poses.every.rows.named_sessions)):
         to.warn(text)
     poses = touching_poses(to, loaded, start.values, poses)
     inputs = loaded.inputs | start.inputs | poses.inputs
