@@ -83,7 +83,7 @@ def check_folder(folder: str) -> None:
             made.extend(_missing(path))
             for each in made:
                 each.mkdir(exist_ok=True)
-            os.rmdir(tempfile.mkdtemp(dir=path))
+            os.rmdir(tempfile.mkdtemp(prefix=".", dir=path))
         finally:
             for each in reversed(made):
                 with contextlib.suppress(OSError):  # another process has written there meanwhile

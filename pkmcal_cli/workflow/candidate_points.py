@@ -14,7 +14,7 @@ from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.prediction import Request, Rows, predict
 from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 from pkmcal_cli.prediction.touching import tcp_places, touching
-from pkmcal_cli.workflow.approaches import Approaches, approaches
+from pkmcal_cli.workflow.approaches import Approaches, approaches, no_approach
 from pkmcal_cli.workflow.touched_poses import readings_at_touch
 
 IntArray = NDArray[np.intp]
@@ -42,6 +42,8 @@ def candidate_points(
     rows, done = touching(model, values, rows, readings_at_touch(model, np.tile(touched, (len(rows), 1))))
     done[list(towards.refused)] = False
     good = np.nonzero(done & predict(model, values, rows, Request()).solved)[0]
+    if towards.refused and not len(good):
+        raise no_approach(model, towards.refused)
     channels = planned_channels(model, None, np.tile(touched, (len(good), 1)))
     return design_problem(model, rows.take(good), channels), towards.take(good)
 
