@@ -129,7 +129,7 @@ def test_points_to_measure_next_have_taut_ropes() -> None:
 
 def test_where_no_pose_is_left_the_ropes_and_the_remedy_are_told() -> None:
     """Ropes that hold their positions without strain: the lower one hangs loose everywhere. With the set values of
-    `correct`, which tension it, there is a plan; so they are with a force above that tightens all, and without `t_min`.
+    `correct`, which tension it, there is a plan, and points to add are tensioned in the same way.
     """
     Path("held.yaml").write_text(MACHINE.replace(HELD, ""))
     for command in (("--grid", GRID), ("--grid", GRID, "-o", "p.csv")):
@@ -138,8 +138,8 @@ def test_where_no_pose_is_left_the_ropes_and_the_remedy_are_told() -> None:
         assert "help: " in done.err and "`pkmcal correct`" in done.err and not Path("p.csv").exists()
     made = run("correct", "held.yaml", "--grid", "x=600:1400:4,y=300:1200:4", "-q", "-o", "set.csv")
     assert made.code == 0
-    done = clean(run("plan", "held.yaml", "set.csv", "-o", "p.csv"))
-    assert done.code == 0, done.err
+    done = clean(run("plan", "held.yaml", "set.csv", "--aim", "uncertainty", "--points", "4", "-o", "p.csv", "--json"))
+    assert done.code == 0 and len(done.json["points"]) == 4, done.err
     there, back = written("p.csv", ("q1", "q2", "q3"))
     assert len(there) > 10
     assert_taut(there, back, below=None)
