@@ -54,8 +54,8 @@ def unstable_motion(model: Model) -> Motion | None:
         state, status = newton(system, coefficients, begin, model.length, _FROM_DRAWING, Effort())
     if status[0] != RowStatus.UNSTABLE:
         return None
-    found = predict(model, model.nominal, rows)
-    if found.solved[0] and _apart(model, begin, found.state) < _NEXT:
+    there = predict(model, model.nominal, rows)
+    if there.solved[0] and _apart(model, begin, there.state) < _NEXT:
         return None
     return _weakest(model, coefficients, state)
 
@@ -79,5 +79,5 @@ def _weakest(model: Model, coefficients: Array, state: State) -> Motion:
     free = right[int((sizes > 1e-9 * sizes.max(initial=0.0)).sum()) :].T
     motion = free @ np.linalg.eigh(free.T @ (stiffness + stiffness.T) @ free)[1][:, 0]
     order = np.argsort(-np.abs(motion), kind="stable")
-    loose = any(slack.any() for slack in slack_ropes(system, numbers, balanced.strains, state))
-    return Motion(system.free[order], motion[order], loose and bool(model.redundant_drives))
+    hanging = any(slack.any() for slack in slack_ropes(system, numbers, balanced.strains, state))
+    return Motion(system.free[order], motion[order], hanging and bool(model.redundant_drives))

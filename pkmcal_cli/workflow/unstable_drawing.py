@@ -10,7 +10,7 @@ from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.prediction.drawn_stability import unstable_motion
 
 _SHARE = 0.3  # of the largest amount of a motion, from which on a coordinate is told
-_TOLD = 3
+_LISTED = 3
 _HINT = (
     "stiffen this motion (a stiffness, a member, a joint or a drive that holds it), reduce the load or the force that "
     "drives it, or draw the pose that the machine falls to"
@@ -28,7 +28,7 @@ def unstable_faults(loaded: LoadedMachine) -> list[Fault]:
         return []
     topology, large = loaded.model.topology, abs(motion.amounts) >= _SHARE * abs(motion.amounts[0])
     names = [coordinate_name(topology, int(k)) for k in motion.coordinates[large]]
-    message = f"the machine does not stay as it is drawn: this equilibrium is unstable in the {listed(names, _TOLD)}"
+    message = f"the machine does not stay as it is drawn: this equilibrium is unstable in the {listed(names, _LISTED)}"
     path = path_of(loaded.machine, names[0].rpartition(" ")[2])
     if motion.slack:
         message += ", with ropes that are slack"
