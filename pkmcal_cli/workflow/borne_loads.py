@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.internal_force import InternalForces
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.prediction import Request, Rows, predict
+from pkmcal_cli.prediction import Request, Rows, WarmStart, predict
 from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 from pkmcal_cli.prediction.touching import tcp_places
 
@@ -24,24 +24,26 @@ LOST = "no equilibrium on the way to it"
 class BorneLoads:
     """Forces (N, A) of drives at rows, inf where the machine does not get there, (N,) `lost`.
 
-    ropes: by row, the first that is slack or pulls less than it has to.
+    ropes: by row, the first that is slack or pulls less than it has to; start: for predictions of rows nearby.
     """
 
     forces: Array
     lost: NDArray[np.bool_]
     ropes: dict[int, str]
+    start: WarmStart
 
     @classmethod
-    def of(cls, model: Model, values: Array, rows: Rows, **lacking: float) -> BorneLoads:
-        """At parameter values (P,); share: of a least tension that may be lacking."""
-        prediction = predict(model, values, rows, Request(forces=True))
+    def of(cls, model: Model, values: Array, rows: Rows, to: WarmStart | None = None) -> BorneLoads:
+        """At parameter values (P,); to: ends of the ways on which rows are, where a little tension may be lacking."""
+        prediction = predict(model, values, rows, Request(forces=True, compare=to is None), to)
+        share = {} if to is None else {"share": _INTERNAL}
         assert prediction.forces is not None and prediction.tension is not None
         ropes = {row: names[0] for row, names in prediction.slack.items()}
         for rope, tensions in zip(model.least_tensions, prediction.tension.T, strict=True):
-            below = np.nonzero(prediction.solved & rope.exceeds(tensions, **lacking))[0]
+            below = np.nonzero(prediction.solved & rope.exceeds(tensions, **share))[0]
             ropes = {int(row): rope.name for row in below} | ropes
         forces = np.where(prediction.solved[:, None], np.nan_to_num(prediction.forces), np.inf)
-        return cls(forces, ~prediction.solved, ropes)
+        return cls(forces, ~prediction.solved, ropes, prediction.start)
 
     def refused(self, limits: Array) -> dict[int, str]:
         """Why rows that the machine gets to cannot be, by number; limits (A,) of the forces."""
@@ -82,7 +84,7 @@ class Ways:
         limits, why = _limits(self.model), dict[int, str]()
         for share in _ON_THE_WAY:
             moved = self.rows.take(some).moved(share * back[some])
-            borne = BorneLoads.of(self.model, self.values, moved, share=_INTERNAL)
+            borne = BorneLoads.of(self.model, self.values, moved, self.there.start.take(some))
             if self.internal is not None:
                 internal = InternalForces(self.internal.basis[some], self.internal.scale)
                 more = np.abs(internal.part(borne.forces) - internal.part(self.there.forces[some]))
