@@ -24,8 +24,9 @@ from pkmcal_cli.diagnosis.score import log_evidence
 from pkmcal_cli.diagnosis.selection_bias import Acceptance
 from pkmcal_cli.diagnosis.trial import Procedure
 from pkmcal_cli.diagnosis.visible_sizes import absorbing, visible_sizes
-from tests.command import MACHINES, run
+from tests.command import MACHINES, TRIGLIDE, clean, run
 from tests.in_ci import in_ci
+from tests.test_absorbed_causes import with_constants
 from tests.test_diagnosis_linear import setting, synthetic
 
 CRITICAL = 1e-4
@@ -234,3 +235,17 @@ def test_campaigns_of_a_plan_are_counted() -> None:
     few = run("plan", machine, "--grid", "x=200:700:2,y=170:380:2", "--power", 2, "--json")
     assert few.json["power"] == [] and "takes 8 rows or more" in few.err
     assert run("plan", machine, *grid, "--json").json["power"] == []
+
+
+def test_what_dimensions_take_up_has_no_smallest_size(tmp_path: Path) -> None:
+    """Constants of the drives of 0.75 mm, within what is plausible (1 mm), are taken up by the bases' places: what is
+    left of them is not tested, so no size is stated, though with this noise one below the plausible one comes out."""
+    table = with_constants(tmp_path / "t.csv", "triglide", {"q1": 0.75, "q2": 0.75, "q3": 0.75}, seed=1)
+    done = clean(run("diagnose", TRIGLIDE, table, "--json"))
+    assert done.json["verdict"] == "clean" and done.json["effects"] == []
+    absorbed = {f"{e['effect']}@{e['at']}": e for e in done.json["invisible"] if e["absorbed_by"]}
+    assert {"zero@q1", "zero@q2", "zero@q3", "zero@all"} <= set(absorbed)
+    assert all(e["mdb"] is None and e["detected"] is None for e in absorbed.values())
+    _, _, listed = done.err.partition("Effects that these data cannot show")
+    told = [line for line in listed.splitlines() if "absorbed by" in line]
+    assert told and all(line.split()[1] == "never" for line in told)

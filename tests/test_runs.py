@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -150,6 +151,41 @@ def test_where_runs_are_kept(folder: Path, where: str, code: int, told: str) -> 
     done = run("calibrate", "mine.yaml", "rows.csv", "--holdout", "none", "--run", where)
     assert done.code == code and told in done.err
     assert code or len(os.listdir(folder / where)) == 1
+
+
+@pytest.mark.parametrize("command", ["calibrate", "diagnose", "improve", "correct"])
+@pytest.mark.parametrize("where", ["rows.csv/x", "nowhere", "read-only/x", "new/" + 300 * "x", "result.svg"])
+def test_a_folder_that_cannot_be_made_is_told_before_the_work(
+    folder: Path, where: str, command: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Below a file, a link to nowhere, a file system that is read-only, a name that is too long, another result; of
+    the attempt nothing is left."""
+    (folder / "nowhere").symlink_to("gone/x")
+    (folder / "read-only").mkdir()
+    make = Path.mkdir
+
+    def guarded(path: Path, *options: Any, **more: Any) -> None:
+        if path.parent.name == "read-only":
+            raise OSError(30, "Read-only file system")
+        make(path, *options, **more)
+
+    def begun(*_: object, **__: object) -> None:
+        raise AssertionError("the work has begun")
+
+    monkeypatch.setattr(Path, "mkdir", guarded)
+    monkeypatch.setattr("pkmcal_cli.loading.load_machine.compile_machine", begun)
+    rows = ["--grid", "x=300:400:2,y=250:300:2"] if command == "correct" else ["rows.csv"]
+    result = "-o" if command == "improve" else "--plot"
+    before = sorted(os.listdir(folder))
+    done = run(command, "mine.yaml", *rows, result, "result.svg", "--run", where)
+    assert done.code == (2 if where == "result.svg" else 4) and "error[" in done.err
+    assert sorted(os.listdir(folder)) == before and not os.listdir(folder / "read-only")
+
+
+def test_an_input_that_is_no_file_cannot_be_kept(folder: Path) -> None:
+    """Pipes are read once."""
+    done = run("calibrate", "mine.yaml", os.devnull, "--run", "runs")
+    assert done.code == 2 and f"`{os.devnull}` is no file" in done.err and not (folder / "runs").exists()
 
 
 def test_stdin_cannot_be_kept(folder: Path) -> None:

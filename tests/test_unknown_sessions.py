@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from numpy.typing import NDArray
 
 from tests.command import column, run
@@ -165,6 +166,50 @@ def test_values_without_a_session_are_of_tables_without_one() -> None:
     assert stated("two.out.csv").min() > 0.2
     campaign("later.csv", {"tue": ZEROS["tue"], "wed": ZEROS["wed"]}, seed=5)
     assert run("check", "m.yaml", "later.csv", "-p", "p.yaml").code == 0
+
+
+USES = {
+    "simulate": ("simulate", "-o", "-"),
+    "correct": ("correct", "-o", "-"),
+    "draw": ("draw",),
+    "sensitivity": ("sensitivity",),
+    "observability": ("observability",),
+    "plan": ("plan",),
+    "effects": ("effects", "--simulate"),
+}
+NEXT = ("--next", "--budget", "60", "--aim", "l1 10 um")
+FITS = {"calibrate": (), "diagnose": (), "improve": (), "check": (), "plan": NEXT}
+
+
+@pytest.mark.parametrize("command", USES)
+def test_every_command_that_takes_values_as_they_are_says_which_zeros_it_lacks(command: str) -> None:
+    """Of a session that the file does not know, of one of two, of rows that name none; not where it knows all."""
+    calibrated()
+    whole = yaml.safe_load(Path("p.yaml").read_text())["parameters"]
+    some = {name: {k: entry[k] for k in ("value", "unit")} for name, entry in whole.items() if "[wed]" not in name}
+    Path("by hand.yaml").write_text(yaml.safe_dump({"parameters": some}))
+    cases = {("thu",): "z1[thu], z2[thu]", (): "as no session is named: z1, z2", ("tue", "mon"): ""}
+    told = {}
+    for sessions in (*cases, ("tue", "wed")):
+        targets("t.csv", sessions)
+        file = "by hand.yaml" if sessions == ("tue", "wed") else "p.yaml"
+        done = run(*USES[command], "m.yaml", "t.csv", "-p", file)
+        assert done.code == 0, done.err
+        told[sessions] = [line for line in done.err.splitlines() if "zeros of drives not known" in line]
+    assert all(lines[0].count(cases[s]) == 1 and len(lines) == 1 for s, lines in told.items() if cases.get(s))
+    assert told["tue", "mon"] == [] and "z1[wed], z2[wed]" in told["tue", "wed"][0]
+
+
+@pytest.mark.parametrize("command", FITS)
+def test_commands_that_fit_the_zeros_lack_none(command: str) -> None:
+    """But those that they are told to hold."""
+    calibrated()
+    campaign("thu.csv", {"thu": (0.2, 0.1), "fri": (-0.1, 0.3)}, seed=9)
+    done = run(command, "m.yaml", "thu.csv", "-p", "p.yaml", *FITS[command])
+    assert done.code in (0, 1) and "not known" not in done.err
+    if command == "calibrate":
+        held = run(command, "m.yaml", "thu.csv", "-p", "p.yaml", "--select", "l1,l2,z2,z1[fri]")
+        assert "zeros of drives not known: z1[thu]: nominal" in held.err
 
 
 def test_the_name_of_a_single_session_changes_names_alone() -> None:

@@ -8,6 +8,7 @@ import secrets
 import shutil
 import stat
 import sys
+import tempfile
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import IO, Any, TextIO, cast
@@ -68,22 +69,37 @@ def _check_folder(folder: Path) -> None:
 
 
 def check_folder(folder: str) -> None:
-    """Find out before the work whether a folder is there or could be made. Raises OutputError."""
+    """Find out before the work whether a folder is there, or can be made, and takes files: it is made, and goes again.
+
+    What rights, file systems and names allow, only the attempt tells. Raises OutputError.
+    """
     if not folder.strip():
         raise OutputError("the name of the folder is empty", hint="name a folder; this one is `.`")
+    path, made = Path(folder), list[Path]()
     with _output_errors(folder):
-        path = Path(folder)
         _check_name(path)
-        _check_folder(next(p for p in (path, *path.parents) if p.exists()))
+        _check_folder(next(p for p in (path, *path.parents) if os.path.lexists(p)))
+        try:
+            made.extend(_missing(path))
+            for each in made:
+                each.mkdir(exist_ok=True)
+            os.rmdir(tempfile.mkdtemp(prefix=".", dir=path))
+        finally:
+            for each in reversed(made):
+                with contextlib.suppress(OSError):  # another process has written there meanwhile
+                    each.rmdir()
 
 
 def make_folder(folder: str) -> None:
     """A folder with those that it lies in. Raises OutputError."""
     with _output_errors(folder):
-        path = Path(folder)
-        for each in (*reversed(path.parents), path):
-            if not each.is_dir():
-                each.mkdir(exist_ok=True)
+        for each in _missing(Path(folder)):
+            each.mkdir(exist_ok=True)
+
+
+def _missing(folder: Path) -> list[Path]:
+    """A folder and those that it lies in, so far as they are not there, the outermost first."""
+    return [each for each in (*reversed(folder.parents), folder) if not each.is_dir()]
 
 
 @contextlib.contextmanager

@@ -25,7 +25,8 @@ _ALIKE = 1e-6  # by which what rounding tells apart is the same
 @dataclass(frozen=True)
 class SizeAlong:
     """Along a direction (p,) of an effect's numbers, of length 1 in standard deviations of their priors: minimal
-    detectable length (one test at 0.1 %, found in 80 %), and declared parameters that take it up.
+    detectable length (one test at 0.1 %, found in 80 %), inf where none is made, and declared parameters that take it
+    up.
 
     simulated: the length that is detected in 80 %, from simulated campaigns.
     """
@@ -96,8 +97,10 @@ def _sizes(detection: Detection, k: int, procedure: Procedure, noise: float) -> 
 
     def along(direction: Array) -> SizeAlong:
         mdb = noise * minimal_detectable(float(direction @ score.whole @ direction))
-        simulated = partial(_detected, detection, k, direction, procedure)
-        return SizeAlong(direction, mdb, simulated, absorbing(detection.linear, hypothesis, direction))
+        absorbed = absorbing(detection.linear, hypothesis, direction)
+        if absorbed and not score.count:  # never tested: what is left of it would name errors of these parameters
+            mdb = float("inf")
+        return SizeAlong(direction, mdb, partial(_detected, detection, k, direction, procedure), absorbed)
 
     unit = np.eye(len(hypothesis.parameters))
     return VisibleSizes(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -121,6 +121,13 @@ class Start:
     evidence: Evidence | None = None
     unknown: UnknownSessions = NOTHING_UNKNOWN
 
+    def remarks(self, named: bool, fitted: Collection[str] = ()) -> tuple[str, ...]:
+        """What every command says of the file that it takes: also of sessions that the file does not know.
+
+        named: whether the rows name their sessions; fitted: parameters that the command determines itself.
+        """
+        return (*self.warnings, *self.unknown.warning(next(iter(self.inputs), ""), named, fitted))
+
 
 def load_parameters(model: Model, path: str | None) -> Start:
     """Nominal parameter values, or those of a parameter file. Raises BadInput."""
@@ -142,7 +149,8 @@ def load_parameters(model: Model, path: str | None) -> Start:
     if not read.of_machine:
         warnings.append(f"note: {path}: no fingerprint: cannot check which machine these values belong to")
     unknown, covariance = NOTHING_UNKNOWN, read.covariance
-    if covariance is not None or read.others:
+    of_sessions = {p.name for p in model.parameters if p.session or p.per_session}
+    if covariance is not None or read.others or not of_sessions.isdisjoint(read.values):
         unknown = unknown_sessions(model, read.values, read.others)
     if covariance is not None:
         covariance = with_ranges(model, covariance, unknown.zeros)

@@ -26,11 +26,13 @@ class UnknownSessions:
     known: tuple[str, ...]
     nameless: bool
 
-    def warning(self, path: str, named: bool) -> list[str]:
-        """What is to be said where results depend on them; `named`: whether the rows name their sessions."""
-        if not self.zeros:
+    def warning(self, path: str, named: bool, fitted: Collection[str]) -> list[str]:
+        """What is to be said where results depend on them; `named`: whether the rows name their sessions; fitted: those
+        that the command determines itself."""
+        zeros = [name for name in self.zeros if name not in fitted]
+        if not zeros:
             return []
-        names = listed(list(self.zeros), _LISTED)
+        names = listed(zeros, _LISTED)
         where = "" if named else ", as no session is named"
         ways = [f"name a session that it knows ({', '.join(self.known)})"] if self.known else []
         ways += ["leave out the column `session` if it is that of the file, which has no name"] * self.nameless

@@ -5,7 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from math import nan
 
+import numpy as np
+from numpy.typing import NDArray
+
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.units.measurands import Measurand
+
+_ROUNDING = 1e-9  # of a tension
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,3 +94,7 @@ class LeastTension:
     member: tuple[int, int]
     weight: float
     tension: float
+
+    def exceeds(self, tensions: Array, share: float = _ROUNDING) -> NDArray[np.bool_]:
+        """Which tensions (N,), N, are below it by more than a share of it: by default, than rounding."""
+        return np.asarray(tensions < (1.0 - share) * self.tension)

@@ -129,7 +129,8 @@ class PlanReport:
     def _by_force(self, v: Visibility) -> bool:
         """Whether an effect acts by forces and has no influence."""
         effect = catalogue().get(v.hypothesis.effect)
-        return effect is not None and (effect.reactive or effect.enters == "stiffness") and not v.mdb < v.plausible
+        by_force = effect is not None and (effect.reactive or effect.enters == "stiffness")
+        return by_force and not v.absorbed_by and not v.mdb < v.plausible
 
     def _show(self, to: Reporter, status: str) -> None:
         rows = [self._cells(v) for v in self.plan.visibilities if v.status == status]

@@ -111,7 +111,7 @@ def _prepare(request: AnalysisRequest, to: Listener, machine: LoadedMachine | No
     loaded = loaded.for_sessions(poses.every.rows.named_sessions)
     model, selected = loaded.model, _selected(request, loaded.model)
     start = load_parameters(model, request.parameters)
-    for text in start.warnings:
+    for text in start.remarks(bool(poses.every.rows.named_sessions)):
         to.warn(text)
     readings = _offset_readings(model, poses.poses.rows, request.offset or ())
     inputs = loaded.inputs | start.inputs | poses.inputs

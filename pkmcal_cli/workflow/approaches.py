@@ -2,25 +2,28 @@
 
 So every side that a plan states can be had, with all drives of a redundant machine together. On the way back the drives
 move at once, each straight to its set value; what they then hold against each other, beyond what they do at the pose
-itself, is kept below a share of what they may.
+itself, is kept below a share of what they may, and ropes stay taut.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.errors import BadInput, Location
+from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.correction.internal_force import InternalForces
 from pkmcal_cli.correction.waypoints import GAP
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_motion import DIRECTIONS
-from pkmcal_cli.prediction import Request, Rows, predict
+from pkmcal_cli.prediction import Rows
 from pkmcal_cli.prediction.inverse_kinematics import drive_positions
-from pkmcal_cli.prediction.touching import tcp_places
+from pkmcal_cli.report.loads import limited
+from pkmcal_cli.workflow.borne_loads import FORCES, Ways
 
 _TRIES = 16  # directions in which the tool point may step back
 _SHORTER = (1.0, 0.3, 0.1)  # lengths of the way that are tried
@@ -32,10 +35,12 @@ _BEYOND = 1e-7  # m or rad, beyond rounding
 _STILL = 0.1  # of the overrun: a drive that moves less has no side
 _SMALL = 1e-4  # of the machine's size, or rad: step for the directions in which drives move
 _HALVINGS = 4
-_INTERNAL = 0.05  # of `force_limit`: internal force on the way beyond that at the pose
-_ON_THE_WAY = (1.0, 0.75, 0.5, 0.25)  # of the way back
-FORCES = "forces on the way to it, or at it, beyond `force_limit`"
 NO_WAY = "no neighbouring pose to approach it from"
+_INSIDE = "choose poses further inside the workspace, or check `force_limit`"
+_TAUT = (
+    "choose poses at which all ropes pull; where redundant drives hold positions, give set values that tension the "
+    "ropes: state `t_min`, and take the table that `pkmcal correct` writes"
+)
 
 
 @dataclass(frozen=True)
@@ -75,8 +80,8 @@ def approaches(
     sides = np.zeros(rows.readings.shape) if sides_of_rows is None else np.nan_to_num(sides_of_rows)
     back, reachable = _steps_back(model, poses, overrun, sides, rng)
     refused = {int(k): NO_WAY for k in np.nonzero(~reachable)[0]}
-    back, safe = _shortened(model, values, rows, np.where(reachable[:, None], np.nan_to_num(back), 0.0))
-    refused |= {int(k): FORCES for k in np.nonzero(reachable & ~safe)[0]}
+    back, unsafe = _shortened(model, values, rows, np.where(reachable[:, None], np.nan_to_num(back), 0.0))
+    refused |= {k: why for k, why in unsafe.items() if reachable[k]}
     still = np.abs(back) < _STILL * np.where(np.isinf(overrun), _LEAST, overrun)
     return Approaches(back, np.where(still, 0.0, -np.sign(back)), refused)
 
@@ -150,37 +155,27 @@ def _directions(held: tuple[str, ...], count: int, rng: np.random.Generator) -> 
     return out
 
 
-def _shortened(model: Model, values: Array, rows: Rows, back: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Ways back (N, A), shortened until forces are within limits, and which (N,) are; all, where no limit is stated."""
-    limits = np.array([a.force_limit for a in model.actuators])
-    if not np.isfinite(limits).any():
-        return back, np.ones(len(back), dtype=bool)
-    back, safe = back.copy(), np.zeros(len(back), dtype=bool)
-    for _ in range(_HALVINGS):
-        left = np.nonzero(~safe)[0]
+def no_approach(model: Model, refused: Mapping[int, str]) -> BadInput:
+    """What is said where no pose is left, and the remedy of what keeps most of them."""
+    every = Counter(refused.values()).most_common()
+    reasons = "; ".join(f"{why} ({n})" for why, n in every)
+    message = f"none of {count(len(refused), 'pose')} can be measured: {reasons}"
+    hint = _INSIDE if every[0][0] in (FORCES, NO_WAY) else _TAUT
+    return BadInput.single(message, Location(model.name), hint, "approach")
+
+
+def _shortened(model: Model, values: Array, rows: Rows, back: Array) -> tuple[Array, dict[int, str]]:
+    """Ways back (N, A), shortened until forces are within limits and ropes taut; why others cannot be, by number."""
+    if not (limited(model) or model.exact.ropes):
+        return back, {}
+    back, ways = back.copy(), Ways.to(model, values, rows)
+    ends = ways.refused_ends()
+    left = np.array([k for k in np.nonzero(~ways.there.lost)[0].tolist() if k not in ends], dtype=np.intp)
+    why: dict[int, str] = {}
+    for _ in range(_HALVINGS if len(left) else 0):
+        why = ways.refused(back, left)
+        left = np.array(list(why), dtype=np.intp)
         if not len(left):
             break
-        safe[left] = _safe(model, values, rows.take(left), back[left], limits)
-        back[left[~safe[left]]] *= 0.5
-    return back, safe
-
-
-def _safe(model: Model, values: Array, rows: Rows, back: Array, limits: Array) -> NDArray[np.bool_]:
-    """Whether internal forces on the way (N,) exceed those at the pose by little, and all forces are within limits."""
-    inverse = drive_positions(model, tcp_places(model, values, rows), values, derivatives=True)
-    assert inverse.by_pose is not None
-    internal = InternalForces.of(model, values, np.nan_to_num(inverse.by_pose))
-    there = _forces(model, values, rows)
-    good = np.asarray((np.abs(there) <= limits).all(axis=1))
-    for share in _ON_THE_WAY:
-        on_way = _forces(model, values, rows.moved(share * back))
-        more = np.abs(internal.part(on_way) - internal.part(there))
-        good &= (more <= _INTERNAL * limits).all(axis=1) & (np.abs(on_way) <= limits).all(axis=1)
-    return good
-
-
-def _forces(model: Model, values: Array, rows: Rows) -> Array:
-    """Forces (N, A) of the drives; inf where the machine does not get there."""
-    prediction = predict(model, values, rows, Request(forces=True))
-    assert prediction.forces is not None
-    return np.where(prediction.solved[:, None], np.nan_to_num(prediction.forces), np.inf)
+        back[left] *= 0.5
+    return back, ends | why

@@ -71,10 +71,10 @@ def _check_outputs(request: CalibrationRequest) -> None:
         raise UsageError("--json and `-o -` both write to stdout", hint="give `-o` a file")
     prior = request.fit_options.prior_file
     one_stdin(request.machine, *request.measurements, request.parameters, request.holdout, prior)
-    check_run(request.run, request.machine, *request.measurements, request.parameters, request.holdout, prior)
     inputs = present(request.machine, *request.measurements, request.parameters, checked(request), prior)
     check_target(request.output, inputs, force=request.force)
     check_plot(request.plot, inputs, request.output, force=request.force)
+    check_run(request.run, inputs, (request.output, request.plot))
 
 
 def _verdict(

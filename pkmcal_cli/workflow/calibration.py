@@ -219,7 +219,7 @@ def _say_of_files(s: CalibrationSetting, to: Listener) -> None:
     to.notes([*s.measured.notes, *unsided(s.problem, s.measured)])
     for finding in (*s.loaded.warnings, *s.measured.warnings):
         to.warn(finding)
-    for text in s.start.warnings:
+    for text in s.start.remarks(bool(s.measured.named_sessions), s.selected):
         to.warn(text)
 
 

@@ -21,6 +21,7 @@ from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.units.dimensions import ANGLE, LENGTH
 from pkmcal_cli.units.unit_text import Unit
 from pkmcal_cli.workflow.arguments import one_stdin
+from pkmcal_cli.workflow.unstable_drawing import unstable_faults
 
 if TYPE_CHECKING:
     from pkmcal_cli.tables.measurement_set import Measurements
@@ -72,7 +73,7 @@ def run_check(request: CheckRequest) -> int:
     except BadInput as error:
         _reraise_unreadable(error)
         return _finish(_End(to, as_json, {}, _named_files(request)), list(error.faults), error.total)
-    result, faults = _show_machine(loaded, request, to), idle_faults(loaded)
+    result, faults = _show_machine(loaded, request, to)
     total, agrees, inputs = len(faults), True, loaded.inputs
     if request.tables:
         from pkmcal_cli.workflow.check_tables import check_tables
@@ -94,15 +95,17 @@ def run_check(request: CheckRequest) -> int:
     return _finish(_End(to, as_json, result, inputs), faults, total, agrees)
 
 
-def _show_machine(loaded: LoadedMachine, request: CheckRequest, to: Reporter) -> dict[str, Any]:
-    """What the machine is, with its warnings, shown and as JSON."""
+def _show_machine(loaded: LoadedMachine, request: CheckRequest, to: Reporter) -> tuple[dict[str, Any], list[Fault]]:
+    """What the machine is, with its warnings, shown and as JSON; its faults."""
     result = machine_json(loaded.machine, loaded.compiled)
     show_machine(to, loaded.machine, loaded.compiled, result, tables=request.parameters is None)
+    unstable = unstable_faults(loaded)
     warnings = [*loaded.remarks, *loaded.warnings, *_substructure_fault(loaded)]
+    warnings += [f for f in unstable if f.severity == "warning"]
     for fault in warnings:
         to.warn(fault)
     result["warnings"] = [_json(f) for f in warnings]
-    return result
+    return result, [*idle_faults(loaded), *(f for f in unstable if f.severity == "error")]
 
 
 def _named_files(request: CheckRequest) -> dict[str, str]:

@@ -80,11 +80,11 @@ def run_correction(request: CorrectionRequest) -> int:
     """Correct and write; returns the exit code (1 when rows of a table have no set values). Raises PkmcalError."""
     _checked(request)
     export = _export(request)
-    check_run(request.run, request.machine, request.targets, request.parameters)
+    names = present(request.machine, request.targets, request.parameters)
+    check_run(request.run, names, (request.output, request.plot))
     to = Reporter(request.quiet)
     loaded = load_machine(request.machine)
     if export is not None:
-        names = present(request.machine, request.targets, request.parameters)
         export.check([loaded.model.actuators[a].name for a in held_drives(loaded.model)], names)
     made = correction(request, to, loaded)
     report, result, targets, inputs = made.report, made.report.result, made.report.targets, made.inputs
@@ -162,8 +162,7 @@ def correction(request: CorrectionRequest, to: Listener, machine: LoadedMachine 
     model = loaded.model.for_sessions(targets.rows.named_sessions)
     start = load_parameters(model, request.parameters)
     _check_session(stated.session, model, start, request.parameters)
-    unknown = start.unknown.warning(request.parameters or "", bool(targets.rows.named_sessions))
-    for text in (*start.warnings, *unknown):
+    for text in start.remarks(bool(targets.rows.named_sessions)):
         to.warn(text)
     to.notes(targets.notes)
     if (request.as_format or "").startswith(_PROGRAMS) and depends_on_sides(model):

@@ -62,7 +62,7 @@ def run_diagnosis(request: DiagnosisRequest) -> int:
         check_folder(request.plots)
     named = present(request.case.machine, *request.case.measurements, request.case.parameters)
     check_plot(request.plot, named, force=request.force)
-    check_run(request.run, request.case.machine, *request.case.measurements, request.case.parameters)
+    check_run(request.run, named, (request.plot,))
     to = Reporter(request.quiet, request.style)
     case = prepare(request.case, to)
     diagnosis = diagnosed(case, request.alpha, request.seed, to)

@@ -65,7 +65,7 @@ def run_drawing(request: DrawingRequest) -> int:
     row = _row(request, loaded, to)
     loaded = loaded.for_sessions(row.rows.named_sessions)
     start = load_parameters(loaded.model, request.parameters)
-    for text in start.warnings:
+    for text in start.remarks(bool(row.rows.named_sessions)):
         to.warn(text)
     to.notes(row.notes)
     shape = _solved(loaded, start, row)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.errors import BadInput, UsageError
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration.complete_fit import FitOptions, calibrated
+from pkmcal_cli.calibration.complete_fit import Calibration, FitOptions, calibrated
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.observability_indices import observability
@@ -168,6 +168,8 @@ def next_points(
     selected = selection(problem.model, select)
     problem = with_unknown_sides(problem, selected)
     start = load_parameters(problem.model, parameters)
+    for text in start.remarks(bool(measured.named_sessions), selected):
+        to.warn(text)
     goal = requested_aim(aim, candidates_of(loaded.model, selected, problem.rows), problem.model, selected)
     if goal is None or goal.limit is None:
         raise UsageError("--next needs an uncertainty at which to stop", hint=_EXAMPLE)
@@ -178,17 +180,7 @@ def next_points(
             fit = calibrated(doubted, selected, start.values, FitOptions(), session, observe=observe)
     except RowsFailed as failure:
         raise unsolved(measured, failure.evaluation.prediction) from None
-    done = np.nonzero(problem.measured.any(axis=1))[0]
-    campaign = _Campaign(
-        problem=problem.take(done),
-        lost=np.delete(problem.rows.readings, done, axis=0),
-        values=fit.robust.fit.values,
-        selected=fit.robust.fit.selected,
-        std=fit.intervals.std,
-        by_held=fit.budget.std_by_held,
-        held=fit.budget.held,
-        noise=float(fit.budget.scales.typical_noise.max()) ** 0.5,
-    )
+    campaign = _Campaign.of(problem, fit)
     inputs = loaded.inputs | start.inputs | measured.inputs
     with to.step("points to measure next"):
         proposal = _proposed(loaded, campaign, goal, budget, seed)
@@ -220,6 +212,21 @@ class _Campaign:
     by_held: Array
     held: tuple[str, ...]
     noise: float
+
+    @classmethod
+    def of(cls, problem: Problem, fit: Calibration) -> _Campaign:
+        """Of a table, and its fit."""
+        done = np.nonzero(problem.measured.any(axis=1))[0]
+        return cls(
+            problem=problem.take(done),
+            lost=np.delete(problem.rows.readings, done, axis=0),
+            values=fit.robust.fit.values,
+            selected=fit.robust.fit.selected,
+            std=fit.intervals.std,
+            by_held=fit.budget.std_by_held,
+            held=fit.budget.held,
+            noise=float(fit.budget.scales.typical_noise.max()) ** 0.5,
+        )
 
     @property
     def going_on(self) -> NDArray[np.intp]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pkmcal_cli.base.errors import BadInput, Location, UsageError
+from pkmcal_cli.base.errors import UsageError
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.outputs import check_target
 from pkmcal_cli.base.plural import count
@@ -36,7 +36,7 @@ from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.report.plan_report import PlanReport
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.workflow.alpha import check_alpha
-from pkmcal_cli.workflow.approaches import Approaches, approaches
+from pkmcal_cli.workflow.approaches import Approaches, approaches, no_approach
 from pkmcal_cli.workflow.arguments import one_stdin, present, require_measured, selection
 from pkmcal_cli.workflow.candidate_points import candidate_points
 from pkmcal_cli.workflow.next_points import next_points
@@ -53,7 +53,6 @@ from pkmcal_cli.workflow.touched_poses import touching_poses
 _POOL = 400  # candidate points, at least; twice as many as are wanted
 _NEXT = 'write e.g. pkmcal plan M.yaml MEAS.csv --next --budget 40 --aim "l1 5 um"'
 _NOT_NEXT = {"points": "finds how many points are needed", "power": "simulates no campaigns", "grid": "reads a table"}
-_APART = "choose poses further inside the workspace, or check `force_limit`"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,7 +130,7 @@ def _prepared(
     request: PlanRequest, loaded: LoadedMachine, start: Start, poses: PoseSet, to: Reporter
 ) -> tuple[PoseSet, dict[str, str]]:
     """Poses where probes touch; sha256 by name of all that was read. Raises OutputError."""
-    for text in start.warnings:
+    for text in start.remarks(bool(poses.every.rows.named_sessions)):
         to.warn(text)
     poses = touching_poses(to, loaded, start.values, poses)
     inputs = loaded.inputs | start.inputs | poses.inputs
@@ -205,7 +204,7 @@ def _approached(
         poses = poses.without(ways.refused)  # told with those that cannot be predicted
         kept = np.delete(np.arange(len(rows)), list(ways.refused))
         if not len(kept):
-            raise BadInput.single(next(iter(ways.refused.values())), Location(model.name), _APART, "approach")
+            raise no_approach(model, ways.refused)
         rows, ways, stated_sides = rows.take(kept), ways.take(kept), stated_sides[kept]
     other = int((stated_sides * ways.side < 0).any(axis=1).sum())
     to.notes([f"{count(other, 'row')}: no move of the tool point approaches from all sides stated"] if other else [])

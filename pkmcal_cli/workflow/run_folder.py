@@ -21,7 +21,7 @@ from typing import Any
 
 from pkmcal_cli.base.errors import BadInput, Location, OutputError, UsageError
 from pkmcal_cli.base.files import is_stream, sha256
-from pkmcal_cli.base.outputs import check_folder, make_folder
+from pkmcal_cli.base.outputs import check_folder, make_folder, takes_directly
 from pkmcal_cli.csv_files.origin import beside
 from pkmcal_cli.loading.plain_files import plain_map
 from pkmcal_cli.report.console import Reporter
@@ -48,15 +48,21 @@ class Run:
     asked: Mapping[str, Any] = field(default_factory=dict)
 
 
-def check_run(folder: str | None, *inputs: str | None) -> None:
-    """Find out before the work whether a run could be kept. Raises UsageError and OutputError."""
+def check_run(folder: str | None, inputs: Iterable[str], results: Iterable[str | None]) -> None:
+    """Find out before the work whether a run could be kept beside other results. Raises UsageError and OutputError."""
     if folder is None:
         return
-    if any(i is not None and is_stream(i) for i in inputs):
-        raise UsageError("--run keeps copies of its inputs, but one comes from stdin", hint="give the inputs as files")
+    for name in inputs:
+        if takes_directly(name):
+            origin = "one comes from stdin" if is_stream(name) else f"`{name}` is no file"
+            raise UsageError(f"--run keeps copies of its inputs, but {origin}", hint="give the inputs as files")
     if is_stream(folder):
         raise UsageError("--run: `-` is no folder", hint="name a folder")
     check_folder(folder)
+    path = Path(os.path.abspath(folder))
+    for result in results:
+        if result is not None and path.is_relative_to(os.path.abspath(result)) and not os.path.isdir(result):
+            raise UsageError(f"--run: `{result}` is another result of the command", hint="name another folder")
 
 
 def keep_run(folder: str | None, inputs: Mapping[str, str], run: Run, to: Reporter) -> None:

@@ -149,7 +149,7 @@ def _hints(case: Case, to: Listener) -> tuple[Hint, ...]:
         to.warn(f"warning: {gap}")
     for finding in (*case.loaded.warnings, *measured.warnings):
         to.warn(finding)
-    for text in case.start.warnings:
+    for text in case.start.remarks(bool(measured.named_sessions), case.selected):
         to.warn(text)
     hints = suspicions(case.loaded, problem, case.begin, measured)
     for text in (*(h.message for h in hints), *copied_rows(problem, measured)):

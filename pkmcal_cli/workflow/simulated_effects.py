@@ -44,7 +44,7 @@ def run_simulated_effects(machine: str, request: EffectsRequest) -> int:
     loaded = loaded.for_sessions(poses.every.rows.named_sessions)
     model = loaded.model
     start = load_parameters(model, request.parameters)
-    for text in start.warnings:
+    for text in start.remarks(bool(poses.every.rows.named_sessions)):
         to.warn(text)
     selected = _selected(model, request.select)
     candidates = candidates_of(model, selected, with_directions(poses.every.rows, [a.name for a in model.actuators]))

@@ -84,7 +84,7 @@ def simulation(
     model = loaded.model.for_sessions(first.rows.named_sessions if first is not None else ())
     start = load_parameters(model, request.parameters)
     named = first is not None and bool(first.rows.named_sessions)
-    for text in (*start.warnings, *start.unknown.warning(request.parameters or "", named)):
+    for text in start.remarks(named):
         to.warn(text)
     noise = Noise.of(model, request.noise, request.seed)
     names_others = first is not None and first.rows.partner is not None

@@ -10,7 +10,7 @@ from pkmcal_cli.base.errors import BadInput, Location, UsageError
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.unknown_sides import with_unknown_sides
-from pkmcal_cli.calibration.verification import Known, judged, verified
+from pkmcal_cli.calibration.verification import Known, judged, own_of, verified
 from pkmcal_cli.gross_errors.hints import unsided
 from pkmcal_cli.loading.evidence import Evidence
 from pkmcal_cli.loading.known_parameters import fitted_tables, known_parameters
@@ -45,7 +45,7 @@ def verify(
     problem = replace(problem, measured=on)
     problem = with_unknown_sides(problem, values=start.values)
     to.notes(unsided(problem, measured))
-    for text in start.warnings:
+    for text in start.remarks(bool(measured.named_sessions), own_of(problem.model)):
         to.warn(text)
     if fitted := fitted_tables(known_parameters(parameters), measured.inputs):
         to.warn(f"warning: {', '.join(fitted)}: the calibration was fitted to these rows, so they do not check it")
