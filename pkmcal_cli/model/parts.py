@@ -95,6 +95,6 @@ class LeastTension:
     weight: float
     tension: float
 
-    def exceeds(self, tensions: Array, share: float = _ROUNDING) -> NDArray[np.bool_]:
-        """Which tensions (N,), N, are below it by more than a share of it: by default, than rounding."""
-        return np.asarray(tensions < (1.0 - share) * self.tension)
+    def missed(self, tensions: Array, lacking: float = 0.0) -> NDArray[np.bool_]:
+        """Which tensions (N,), N, are below it by more than rounding, and than a share of it that may be lacking."""
+        return np.asarray(tensions < (1.0 - max(lacking, _ROUNDING)) * self.tension)

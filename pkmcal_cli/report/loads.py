@@ -122,7 +122,7 @@ class Loads:
             over = solved & (forces[:, k] > actuator.force_limit)
             self.over.setdefault(actuator.name, _Worst()).add(over, forces[:, k], row_origin)
         for k, rope in enumerate(self.model.least_tensions):
-            below = solved & rope.exceeds(tensions[:, k])
+            below = solved & rope.missed(tensions[:, k])
             self.low_tension.setdefault(rope.name, _Worst()).add(below, -tensions[:, k], row_origin)
 
     def _add_disagreement(self, prediction: Prediction, row_origin: Callable[[int], RowOrigin]) -> None:

@@ -36,11 +36,11 @@ class BorneLoads:
     def of(cls, model: Model, values: Array, rows: Rows, to: WarmStart | None = None) -> BorneLoads:
         """At parameter values (P,); to: ends of the ways on which rows are, where a little tension may be lacking."""
         prediction = predict(model, values, rows, Request(forces=True, compare=to is None), to)
-        share = {} if to is None else {"share": _INTERNAL}
+        lacking = 0.0 if to is None else _INTERNAL
         assert prediction.forces is not None and prediction.tension is not None
         ropes = {row: names[0] for row, names in prediction.slack.items()}
         for rope, tensions in zip(model.least_tensions, prediction.tension.T, strict=True):
-            below = np.nonzero(prediction.solved & rope.exceeds(tensions, **share))[0]
+            below = np.nonzero(prediction.solved & rope.missed(tensions, lacking))[0]
             ropes = {int(row): rope.name for row in below} | ropes
         forces = np.where(prediction.solved[:, None], np.nan_to_num(prediction.forces), np.inf)
         return cls(forces, ~prediction.solved, ropes, prediction.start)
