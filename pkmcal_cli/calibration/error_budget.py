@@ -111,16 +111,15 @@ class ErrorBudget:
     def joint_covariance(self) -> Array:
         """Covariance (p + h, p + h) of the errors of all: what a held parameter shifts others by is in it.
 
-        Of typical scales, all times one factor that makes it as large as `std` on the whole: a factor for each, or for
-        the identified ones alone, would spoil the sums that cancel.
+        Each cause, an offset or the noise of an instrument, is as wide as its own mixture: a factor for each parameter
+        would spoil the sums that cancel, and one for all would give to the noise the tails of ranges.
         """
         (p, free), h = self.by_own.shape, len(self.held)
         below = np.hstack([np.zeros((h, free)), np.diag(-self.half_ranges[free:])])  # what is held is off by its offset
-        by_offset = np.vstack([np.hstack([self.by_own, self.by_held]), below]) * self.scales.typical
+        by_offset = np.vstack([np.hstack([self.by_own, self.by_held]), below]) * _equivalent(self.scales.variances)
         out = by_offset @ by_offset.T
-        out[:p, :p] += self.noise_covariance
-        typical = np.sqrt(np.maximum(np.diag(out)[:p], 1e-300))
-        return np.asarray(out * float(np.median(self.std / typical)) ** 2 if p else out)
+        out[:p, :p] += np.tensordot(_equivalent(self.scales.noise) ** 2, self.data, 1)
+        return np.asarray(out)
 
     @property
     def covariance(self) -> Array:
