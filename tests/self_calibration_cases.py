@@ -17,7 +17,7 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.plausible import USABLE
 from tests.command import run
-from tests.self_calibration_lines import MM, Case, machine_text, measured, truth
+from tests.self_calibration_lines import MM, Case, machine_text, measured, relative_to, truth
 
 
 def _frame(width: float, height: float) -> dict[str, tuple[float, ...]]:
@@ -201,21 +201,22 @@ CASES = {c.name: c for c in (*PLANAR, *SPATIAL)}
 @dataclass(frozen=True)
 class Calibrated:
     """A calibration: seed of the truth and the noise, status, chi-square per degree of freedom, and of each parameter
-    that was not held as datum value and standard uncertainty in mm, nan where it is not determined."""
+    that was not held as datum value and standard uncertainty in mm, nan where it is not determined; what was held."""
 
     seed: int
     status: str
     chi2_per_dof: float
     found: dict[str, tuple[float, float]]
     said: str
+    datum: tuple[str, ...]
 
     def anchors(self, case: Case) -> list[str]:
         """Coordinates of anchors that were identified."""
         return [n for n in self.found if n[:-1] in case.lines]
 
     def scores(self, case: Case) -> Array:
-        """Errors of the anchors' coordinates in standard uncertainties."""
-        true = truth(case, self.seed)
+        """Errors of the anchors' coordinates, relative to the datum, in standard uncertainties."""
+        true = relative_to(case, truth(case, self.seed), self.datum)
         return np.array([(v - true[n] / MM) / s for n, (v, s) in self.found.items() if n in self.anchors(case)])
 
 
@@ -230,9 +231,10 @@ def calibrated(case: Case, seed: int, forced: Mapping[str, float] | None = None)
     if not done.out:
         raise RuntimeError(f"{case.name}: {done.err}")
     result: dict[str, Any] = done.json
-    rows = {p["name"]: p for p in result["parameters"] if p["name"] not in (result["datum"] or ())}
+    datum = tuple(result["datum"] or ())
+    rows = {p["name"]: p for p in result["parameters"] if p["name"] not in datum}
     found = {n: (p["value"], np.nan if p["std"] is None else p["std"]) for n, p in rows.items()}
-    return Calibrated(seed, result["status"], result["chi2_per_dof"], found, done.err)
+    return Calibrated(seed, result["status"], result["chi2_per_dof"], found, done.err, datum)
 
 
 OTHERS: dict[str, tuple[dict[str, float], ...]] = {
@@ -255,12 +257,14 @@ def disagreement(name: str, seed: int, forced: Mapping[str, float]) -> float:
 
 @dataclass(frozen=True)
 class Summary:
-    """Of a case: calibrations that converged, scores and standard uncertainties (mm) of anchors, chi-square per dof."""
+    """Of a case: calibrations that converged, scores and standard uncertainties (mm) of anchors, chi-square per dof;
+    seeds with which a row cannot be predicted at the drawing."""
 
     converged: int
     scores: Array
     chi2_per_dof: Array
     std: Array
+    lost: tuple[int, ...]
 
     @property
     def inside(self) -> int:
@@ -274,7 +278,8 @@ def summary(case: Case, seeds: range) -> Summary:
     scores = np.concatenate([c.scores(case) for c in every])
     std = np.array([s for c in every for n, (_, s) in c.found.items() if n in c.anchors(case)])
     done = sum(c.status in USABLE for c in every)
-    return Summary(done, scores, np.array([c.chi2_per_dof for c in every]), std)
+    lost = tuple(c.seed for c in every if "cannot be predicted at the start" in c.said)
+    return Summary(done, scores, np.array([c.chi2_per_dof for c in every]), std, lost)
 
 
 if __name__ == "__main__":
