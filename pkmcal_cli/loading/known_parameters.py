@@ -31,12 +31,16 @@ _WRITE = "write it with `pkmcal calibrate -o`"
 
 @dataclass(frozen=True)
 class KnownParameter:
-    """Value and standard uncertainty, SI (nan: not known), of a parameter; whether it was identified; its unit."""
+    """Value and standard uncertainty, SI (nan: not known), of a parameter; whether it was identified; its unit.
+
+    asked: whether a fit was to identify it, determined or not; the others have neither `std` nor `note`.
+    """
 
     value: float
     std: float
     identified: bool
     unit: Unit
+    asked: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,7 +161,9 @@ def _entry(node: SourceNode) -> KnownParameter:
     number = unit.to_si(float(value))
     if not math.isfinite(number):
         raise ValueError("not finite")
-    return KnownParameter(number, spread if spread >= 0 else math.nan, entry.get("identified") is True, unit)
+    spread = spread if spread >= 0 else math.nan
+    asked = math.isfinite(spread) or bool(entry.get("note"))
+    return KnownParameter(number, spread, entry.get("identified") is True, unit, asked)
 
 
 def _covariance(plain: Any, units: Mapping[str, float]) -> tuple[tuple[str, ...], Array | None]:

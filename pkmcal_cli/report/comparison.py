@@ -17,6 +17,7 @@ from pkmcal_cli.report.number_format import finite, readable, uncertain
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _LISTED = 12  # names told one by one
+_UNSEEN = "; u contains changes of half a range that no data see"
 _CLOSE = (
     "these files were calculated within a day: changes are told from the first to the last, in the order given; for "
     "changes per day, write the dates of the measurements as `created:` in `provenance:`"
@@ -27,7 +28,7 @@ _CLOSE = (
 class Compared:
     """Tests of what data sets have in common; apart: what is not compared, with the files that have it.
 
-    changes, alone: over the whole course.
+    changes, alone: over the whole course. free: parameters that all fits were to identify, determined or not.
     """
 
     common: Common
@@ -36,17 +37,22 @@ class Compared:
     alone: Alone | None
     apart: Mapping[str, tuple[int, ...]]
     course: Course
+    free: tuple[str, ...]
 
     def named(self, alpha: float) -> tuple[str, ...]:
         """What has changed: parameters by their own tests, or by which one alone explains everything."""
         return changed(self.changes, self.alone, self.test, alpha)
 
     def likely(self, alpha: float) -> Estimate:
-        """What the machine has most likely changed by, ranges of parameters being knowledge of their changes too."""
+        """What the machine has most likely changed by, ranges of parameters being knowledge of their changes too.
+
+        One parameter alone where it explains everything, and no other does: elsewhere these differ where nothing was
+        measured.
+        """
         equals = self.alone.equals(self.named(alpha)) if self.test.p_value < alpha and self.alone is not None else ()
-        if equals and equals[0].explains:
+        if len(equals) == 1 and equals[0].explains:
             return equals[0].estimate
-        return likely_changes(self.common, self.changes.names, self.course.times)
+        return likely_changes(self.common, self.free, self.course.times)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -189,7 +195,7 @@ class ComparisonReport:
         to.say(
             f"change of the tool point{self._between()} over the {t.over}{alone}: {readable(t.rms, unit)} rms "
             f"({readable(t.rms_by_chance, unit)} by chance alone), largest {readable(t.largest, unit)} "
-            f"(u {readable(t.std, unit)}) at {where}"
+            f"(u {readable(t.std, unit)}) at {where}" + ("" if t.alone else _UNSEEN)
         )
 
     def _show_apart(self, to: Reporter) -> None:

@@ -208,7 +208,10 @@ def _compared(known: Sequence[KnownParameters]) -> Compared:
     course, single = likely_course(c, contrasts, test, _line(known)) if test.dof else (_line(known), None)
     chosen = [[n for n, p in k.parameters.items() if np.isfinite(p.std)] for k in known]
     moved = changes(c, chosen_by_all(c, chosen), course.times, test.freedom)
-    return Compared(common=c, test=test, changes=moved, alone=single, apart=_apart(known, c), course=course)
+    free = chosen_by_all(c, [[n for n, p in k.parameters.items() if p.asked] for k in known])
+    return Compared(
+        common=c, test=test, changes=moved, alone=single, apart=_apart(known, c), course=course, free=free
+    )
 
 
 def _per_campaign(known: KnownParameters) -> set[str]:
