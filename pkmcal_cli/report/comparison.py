@@ -11,6 +11,7 @@ from pkmcal_cli.calibration.change_course import Course
 from pkmcal_cli.calibration.comparison import Alone, Changes, Estimate, Omnibus, Single, changed, likely_changes
 from pkmcal_cli.calibration.data_sets import Common
 from pkmcal_cli.loading.known_parameters import KnownParameters
+from pkmcal_cli.report.compared_dates import date_notes, date_text
 from pkmcal_cli.report.compared_effects import Effect, effects_of, letter
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.number_format import finite, readable, uncertain
@@ -18,10 +19,6 @@ from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _LISTED = 12  # names told one by one
 _UNSEEN = "; u contains changes of half a range that no data see"
-_CLOSE = (
-    "these files were calculated within a day: changes are told from the first to the last, in the order given; for "
-    "changes per day, write the dates of the measurements as `created:` in `provenance:`"
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,10 +108,9 @@ class ComparisonReport:
         to.say()
         heads = [letter(i) for i in range(len(self.known))]
         for head, k in zip(heads, self.known, strict=True):
-            date = "no date" if k.created is None else f"{k.created:%Y-%m-%d %H:%M}"
-            to.say(f"{head}: {k.file}, {date}")
-        if not c.course.days and len(self.known) > 2:
-            to.notes([_CLOSE])
+            to.say(f"{head}: {k.file}, {date_text(k)}")
+        if len(self.known) > 2:
+            to.notes(date_notes(self.known, c.course.days))
         change = "change per day" if c.course.rate else "change" + self._between(", ")
         if self.changes.names:
             to.table("Parameters", ("name", *heads, change, "p (Holm)", "remark"), self._parameter_rows())
@@ -219,6 +215,8 @@ class ComparisonReport:
                 {
                     "file": k.file,
                     "created": None if k.created is None else k.created.isoformat(),
+                    "measured_from": None if k.measured is None else k.measured[0].isoformat(),
+                    "measured_to": None if k.measured is None else k.measured[1].isoformat(),
                     "status": k.ending.status,
                 }
                 for k in self.known

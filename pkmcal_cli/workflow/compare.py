@@ -246,10 +246,10 @@ def _line(known: Sequence[KnownParameters]) -> Course:
     if len(known) == 2:
         return Course((0.0, 1.0))
     for k in known:
-        if k.created is None:
+        if k.date is None:
             message = "a trend needs the date of each file; this one has none"
             raise BadInput.single(message, Location(k.file), "write `created:` in its `provenance:`", "date")
-    return line_of([k.created for k in known if k.created is not None])
+    return line_of([k.date for k in known if k.date is not None])
 
 
 def _warnings(known: Sequence[KnownParameters]) -> list[str]:
