@@ -257,14 +257,12 @@ def disagreement(name: str, seed: int, forced: Mapping[str, float]) -> float:
 
 @dataclass(frozen=True)
 class Summary:
-    """Of a case: calibrations that converged, scores and standard uncertainties (mm) of anchors, chi-square per dof;
-    seeds with which a row cannot be predicted at the drawing."""
+    """Of a case: calibrations that converged, scores and standard uncertainties (mm) of anchors, chi-square per dof."""
 
     converged: int
     scores: Array
     chi2_per_dof: Array
     std: Array
-    lost: tuple[int, ...]
 
     @property
     def inside(self) -> int:
@@ -278,8 +276,7 @@ def summary(case: Case, seeds: range) -> Summary:
     scores = np.concatenate([c.scores(case) for c in every])
     std = np.array([s for c in every for n, (_, s) in c.found.items() if n in c.anchors(case)])
     done = sum(c.status in USABLE for c in every)
-    lost = tuple(c.seed for c in every if "cannot be predicted at the start" in c.said)
-    return Summary(done, scores, np.array([c.chi2_per_dof for c in every]), std, lost)
+    return Summary(done, scores, np.array([c.chi2_per_dof for c in every]), std)
 
 
 if __name__ == "__main__":

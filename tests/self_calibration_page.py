@@ -48,10 +48,7 @@ def cases(seeds: range) -> str:
         print(*rows[-1], sep=" | ", flush=True)
     total, inside = sum(len(s.scores) for s in every), sum(s.inside for s in every)
     titles = "case | machine | converged | within 3 std | not determined | largest | rms | chi-square per dof | std, mm"
-    lost = [f"`{name}`, seed {seed}" for name, s in zip(CASES, every, strict=True) for seed in s.lost]
-    share = f"All cases: {inside} of {total} within 3 std, {100 * inside / total:.2f} %.\n"
-    words = "Repetitions in which a row cannot be predicted at the nominal values, and the datum is held all the same"
-    return f"{_table(titles, rows)}\n{share}\n{words}:\n{'; '.join(lost) or 'none'}.\n"
+    return f"{_table(titles, rows)}\nAll cases: {inside} of {total} within 3 std, {100 * inside / total:.2f} %.\n"
 
 
 def inputs() -> str:
