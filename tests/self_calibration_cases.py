@@ -245,7 +245,7 @@ OTHERS: dict[str, tuple[dict[str, float], ...]] = {
 
 
 MIRRORED = ("ceiling", {"C": 60.0})
-"""From the drawing this one ends at a mirror image; further starts, half a minute, find the right one."""
+"""From the drawing this one may end at a mirror image; further starts, half a minute, find the right one."""
 
 
 def disagreement(name: str, seed: int, forced: Mapping[str, float]) -> float:
