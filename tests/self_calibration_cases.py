@@ -17,7 +17,7 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.plausible import USABLE
 from tests.command import run
-from tests.self_calibration_lines import MM, Case, machine_text, measured, truth
+from tests.self_calibration_lines import MM, Case, machine_text, measured, relative_to, truth
 
 
 def _frame(width: float, height: float) -> dict[str, tuple[float, ...]]:
@@ -164,7 +164,7 @@ SPATIAL = (
         low=(-350, -350, 100),
         high=(350, 350, 1100),
         counts=(4, 4, 4),
-        forced={"A": 25.0},
+        forced={"A": 35.0},
         wide=30,
         taper=(1, 0.4),
         home=(0, 0, 100),
@@ -201,21 +201,22 @@ CASES = {c.name: c for c in (*PLANAR, *SPATIAL)}
 @dataclass(frozen=True)
 class Calibrated:
     """A calibration: seed of the truth and the noise, status, chi-square per degree of freedom, and of each parameter
-    that was not held as datum value and standard uncertainty in mm, nan where it is not determined."""
+    that was not held as datum value and standard uncertainty in mm, nan where it is not determined; what was held."""
 
     seed: int
     status: str
     chi2_per_dof: float
     found: dict[str, tuple[float, float]]
     said: str
+    datum: tuple[str, ...]
 
     def anchors(self, case: Case) -> list[str]:
         """Coordinates of anchors that were identified."""
         return [n for n in self.found if n[:-1] in case.lines]
 
     def scores(self, case: Case) -> Array:
-        """Errors of the anchors' coordinates in standard uncertainties."""
-        true = truth(case, self.seed)
+        """Errors of the anchors' coordinates, relative to the datum, in standard uncertainties."""
+        true = relative_to(case, truth(case, self.seed), self.datum)
         return np.array([(v - true[n] / MM) / s for n, (v, s) in self.found.items() if n in self.anchors(case)])
 
 
@@ -230,9 +231,10 @@ def calibrated(case: Case, seed: int, forced: Mapping[str, float] | None = None)
     if not done.out:
         raise RuntimeError(f"{case.name}: {done.err}")
     result: dict[str, Any] = done.json
-    rows = {p["name"]: p for p in result["parameters"] if p["name"] not in (result["datum"] or ())}
+    datum = tuple(result["datum"] or ())
+    rows = {p["name"]: p for p in result["parameters"] if p["name"] not in datum}
     found = {n: (p["value"], np.nan if p["std"] is None else p["std"]) for n, p in rows.items()}
-    return Calibrated(seed, result["status"], result["chi2_per_dof"], found, done.err)
+    return Calibrated(seed, result["status"], result["chi2_per_dof"], found, done.err, datum)
 
 
 OTHERS: dict[str, tuple[dict[str, float], ...]] = {
@@ -243,7 +245,7 @@ OTHERS: dict[str, tuple[dict[str, float], ...]] = {
 
 
 MIRRORED = ("ceiling", {"C": 60.0})
-"""From the drawing this one ends at a mirror image; further starts, half a minute, find the right one."""
+"""From the drawing this one may end at a mirror image; further starts, half a minute, find the right one."""
 
 
 def disagreement(name: str, seed: int, forced: Mapping[str, float]) -> float:

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from scipy.optimize import root
+from scipy.spatial.transform import Rotation
 
 from pkmcal_cli.base.rotation import Array
 from tests.truth import pinned
@@ -83,18 +85,42 @@ class Case:
 
 @cache
 def truth(case: Case, seed: int) -> dict[str, float]:
-    """True parameters, SI: uniform within the ranges; what is held as datum is as drawn."""
+    """True parameters, SI: uniform within the ranges, what is held as datum too."""
     rng = np.random.default_rng([case.seed, 1, seed])
-    held = () if case.known else case.datum
     out = {}
     for line, at in case.anchors.items():
         for axis, value in zip(case.axes, at, strict=True):
-            off = rng.uniform(-case.wide, case.wide)
-            out[f"{line}{axis}"] = (value + (0 if f"{line}{axis}" in held else off)) * MM
+            out[f"{line}{axis}"] = (value + rng.uniform(-case.wide, case.wide)) * MM
     for line in case.lines if case.zero else ():
         out[f"zero{line}"] = (case.zero[0] + case.zero[1] * rng.uniform(-1, 1)) * MM
     out["R"] = (case.radius + case.free_radius * rng.uniform(-1, 1)) * MM
     return out
+
+
+def relative_to(case: Case, true: dict[str, float], held: tuple[str, ...]) -> dict[str, float]:
+    """The same machine, moved until the coordinates `held` are as drawn: turned about home, or shifted and turned.
+
+    With a weight it turns about the vertical only, and in the plane, where that is no axis, not at all.
+    """
+    if not held:
+        return true
+    anchors, pivot, size = _anchors(case, true), case.centre(), len(case.low)
+    names = [f"{n}{a}" for n in case.lines for a in case.axes]
+    places = [names.index(name) for name in held]
+    drawn = np.array([v for at in case.anchors.values() for v in at]) * MM
+    turns = [False, False, True] if case.weight or size == 2 else [True] * 3
+    free = np.array([*turns, *[case.zero is not None] * size])
+    free[2] &= not (case.weight and size == 2)
+
+    def moved(x: Array) -> Array:
+        motion = np.zeros(len(free))
+        motion[free] = x
+        turn = Rotation.from_rotvec(motion[:3]).as_matrix()[:size, :size]
+        return np.asarray((anchors - pivot) @ turn.T + pivot + motion[3:]).ravel()
+
+    found = root(lambda x: (moved(x) - drawn)[places], np.zeros(int(free.sum())), tol=1e-14)
+    assert free.sum() == len(held) and np.abs(found.fun).max() < 1e-9
+    return true | dict(zip(names, moved(found.x).tolist(), strict=True))
 
 
 def places(case: Case) -> Array:
@@ -177,9 +203,9 @@ def machine_text(case: Case, bench: Mapping[tuple[str, str], float], forced: Map
     for n, at in case.anchors.items():
         lines += [f"  {n}{a}: {{nominal: {v}, range: {case.wide}}}" for a, v in zip(case.axes, at, strict=True)]
         if case.zero:
-            free = f"range: {case.zero[1]}" if case.zero[1] else "range: 1, identify: false"
+            free = f"range: {case.zero[1]}" if case.zero[1] else "fixed: true"
             lines += [f"  zero{n}: {{nominal: {case.zero[0]}, {free}}}"]
-    free = f"range: {case.free_radius}" if case.free_radius else "range: 0.1, identify: false"
+    free = f"range: {case.free_radius}" if case.free_radius else "fixed: true"
     lines += [f"  R: {{nominal: {case.radius}, {free}}}", "ground:"]
     lines += [f"  {n}: [{', '.join(n + a for a in case.axes)}]" for n in case.lines]
     mass = f", mass: {case.mass}" if case.weight else ""

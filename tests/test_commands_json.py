@@ -141,6 +141,9 @@ def write_all(folder: Path) -> None:
     spoilt(folder, turned)
     head, *lines = Path(PLAIN_DATA).read_text().splitlines()
     (folder / "repeated.csv").write_text("\n".join([head, *lines, *(f"{line}1" for line in lines)]))
+    dates = ("time", *(f"2026-05-{day + 1:02d}" for day in range(28)))
+    rows = zip(dates, [head, *lines], strict=False)
+    (folder / "dated.csv").write_text("\n".join(f"{date},{line}" for date, line in rows))
     for name, table, column in (("lost", PLAIN_DATA, 1), ("shop", SHOPFLOOR, 7)):
         (folder / f"{name}.csv").write_text(one_lost(Path(table).read_text(), column))
     for machine, table, name in ((PLAIN, PLAIN_DATA, "p.yaml"), (SCISSORS, SHOPFLOOR, "shop.params.yaml")):
@@ -188,6 +191,7 @@ def commands() -> dict[str, list[list[str]]]:
             [HANGPRINTER, HANGPRINTER_DATA, *WHOLE], [f"{belts}.yaml", f"{belts}.csv", "--starts", "2", *WHOLE],
             ["ropes.yaml", "ropes.csv", "--select", "x1,x2,x3", *WHOLE], ["gauge.yaml", "row.csv", *WHOLE],
             [PLAIN, PLAIN_DATA, "--fail-above", "chi2 2", *WHOLE], ["coarse.yaml", PLAIN_DATA, *WHOLE],
+            [PLAIN, "dated.csv", *WHOLE],
         ],
         "compare": [["p.yaml", "scaled.params.yaml", "--fail-above", "change 1 m"], ["runs"], [PLAIN, "apart.yaml",
             PLAIN_DATA]],
@@ -235,7 +239,9 @@ SHOWN = [
 ]  # fmt: skip
 
 
-SELDOM = {"improve": {"provenance.accepted[]", "provenance.implausible[]"}}  # as in `calibrate`
+SELDOM = {  # as in `calibrate`
+    "improve": {f"provenance.{key}" for key in ("accepted[]", "implausible[]", "measured_from", "measured_to")}
+}
 
 
 @pytest.mark.parametrize("command", [pytest.param(c, marks=LONG.get(c, ())) for c in SHOWN])

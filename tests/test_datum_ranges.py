@@ -117,10 +117,24 @@ def test_a_wide_range_of_what_an_instrument_looks_at_is_no_slip(tmp_path: Path) 
     assert "range of cx = " in run("check", machine).err
 
 
+def test_a_ball_that_may_stand_anywhere_says_nothing_of_the_ranges_of_rods(files: list[str], tmp_path: Path) -> None:
+    """Balls within a millimetre of nominal, in a range of 130 mm, made those of all lengths half as wide: 92 % of 1476
+    intervals held."""
+    found = []
+    for wide in ("130", "26"):
+        machine = overlaid(tmp_path, "datum: [h1, z1]\n")
+        text = machine.read_text(encoding="utf-8").replace("range: 130", f"range: {wide}")
+        machine.write_text(text, encoding="utf-8")
+        found.append({p["name"]: p["std"] for p in calibrated(machine, files)["parameters"]})
+    for name in ("l1", "l4", "h3", "tx"):
+        assert found[0][name] == pytest.approx(found[1][name], rel=0.02)
+
+
 @pytest.mark.slow
 def test_intervals_relative_to_a_datum_hold(tmp_path: Path) -> None:
-    """40 machines drawn as their ranges say, the datum too; within three standard deviations of what chance does, as
-    intervals of one machine hold or fail together."""
+    """40 machines drawn as their ranges say, the datum too. Intervals of one machine hold or fail together: the share
+    that holds scatters by 0.12 over machines where 92 to 95 % hold, so that of 40 by 0.019, and not by 0.008 as if all
+    720 were independent; the bounds are two of these away. It is 0.971, and scatters by 0.05 over these machines."""
     machine, inside = overlaid(tmp_path, "datum: [h1, z1]\n"), []
     for seed in range(40):
         rng = np.random.default_rng([7, seed])
@@ -135,9 +149,11 @@ def test_intervals_relative_to_a_datum_hold(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_ball_far_off_leaves_held_directions_at_nominal(tmp_path: Path) -> None:
     """On the way to a ball 60 mm off they turn: the diagnosis blamed four scales that differ, up to 5 standard
-    uncertainties from those of `calibrate`. A bar that is too long is as a scale of all: it has one length only."""
+    uncertainties from those of `calibrate`. A bar that is too long has a constant."""
     rng = np.random.default_rng(5)
     files = four_rails.measure(four_rails.drawn(rng), rng, tmp_path, bar=0.02)
     done = run("diagnose", overlaid(tmp_path, "datum: [h1, z1]\n"), *files, "--json")
     (found,) = done.json["effects"]
-    assert (found["effect"], found["at"]) in (("scale", "all"), ("meas_scale", "ballbar")), found
+    (constant,) = found["parameters"]
+    assert constant["name"] == "meas_zero@ballbar.o", found
+    assert constant["value"] == pytest.approx(-20, abs=3 * constant["std"]) and constant["std"] < 0.5

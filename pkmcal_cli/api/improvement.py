@@ -133,7 +133,8 @@ class Improvement(Result):
 
     def _parameter_text(self, overlay: str, machine: str) -> str:
         """overlay: what the fingerprint is of; machine: what the file calls it."""
-        head = provenance(self.inputs, status=self.outcome.status, arguments=["pkmcal.improve"])
+        dated = self.outcome.case.measured.dated
+        head = provenance(self.inputs, status=self.outcome.status, arguments=["pkmcal.improve"], **dated)
         return self.outcome.report.parameter_file(
             head, replace(fingerprint_of_improved(overlay, self.inputs), of=machine)
         )

@@ -18,7 +18,7 @@ from scipy.special import ndtr
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.condensed import condensed, evaluate_condensed
 from pkmcal_cli.calibration.fit import Fit
-from pkmcal_cli.calibration.fitted_frames import frame_parameters
+from pkmcal_cli.calibration.fitted_frames import placed_anywhere
 from pkmcal_cli.calibration.held_share import HeldShare, held_share
 from pkmcal_cli.calibration.identifiability import Directions
 from pkmcal_cli.calibration.problem import Problem
@@ -111,16 +111,15 @@ class ErrorBudget:
     def joint_covariance(self) -> Array:
         """Covariance (p + h, p + h) of the errors of all: what a held parameter shifts others by is in it.
 
-        Of typical scales, all times one factor that makes it as large as `std` on the whole: a factor for each, or for
-        the identified ones alone, would spoil the sums that cancel.
+        Each cause, an offset or the noise of an instrument, is as wide as its own mixture: a factor for each parameter
+        would spoil the sums that cancel, and one for all would give to the noise the tails of ranges.
         """
         (p, free), h = self.by_own.shape, len(self.held)
         below = np.hstack([np.zeros((h, free)), np.diag(-self.half_ranges[free:])])  # what is held is off by its offset
-        by_offset = np.vstack([np.hstack([self.by_own, self.by_held]), below]) * self.scales.typical
+        by_offset = np.vstack([np.hstack([self.by_own, self.by_held]), below]) * _equivalent(self.scales.variances)
         out = by_offset @ by_offset.T
-        out[:p, :p] += self.noise_covariance
-        typical = np.sqrt(np.maximum(np.diag(out)[:p], 1e-300))
-        return np.asarray(out * float(np.median(self.std / typical)) ** 2 if p else out)
+        out[:p, :p] += np.tensordot(_equivalent(self.scales.noise) ** 2, self.data, 1)
+        return np.asarray(out)
 
     @property
     def covariance(self) -> Array:
@@ -171,7 +170,7 @@ def error_budget(
         evidence = evidence.of_known(spread, prior.errors(problem.model, fit.values))
     elif datum.names:
         spread = np.hstack([spread, datum.beside])
-        evidence = evidence.beside_datum(datum.beside, datum.offsets, datum.kinds)
+        evidence = evidence.beside_datum(datum.beside, datum.offsets, datum.kinds, datum.ranged)
     if scales is None:
         scales = _scales(evidence, noise)
     gain = _gain(fit.directions, jacobian[:, :p], half[:p])  # (p, p): by it J^T y gives the estimate
@@ -196,24 +195,26 @@ def error_budget(
 @dataclass(frozen=True)
 class _Datum:
     """Parameters held as datum, g, whose ranges count: what moves along (p, g) in ranges; half ranges (g,); offsets
-    from nominal (g,) in these, where they are held."""
+    from nominal (g,) in these, where they are held; ranged (g,): whether their ranges say something of others."""
 
     names: tuple[str, ...]
     beside: Array
     half_ranges: Array
     offsets: Array
     kinds: tuple[str, ...]
+    ranged: NDArray[np.bool_]
 
 
 def _datum_of(problem: Problem, fit: Fit) -> _Datum:
     """Of a fit; none where an earlier calibration says how far off parameters are."""
     model, held, beside = problem.model, problem.datum, problem.beside(fit.selected)
     if held is None or beside is None or (problem.prior is not None and problem.prior.stated):
-        return _Datum((), np.zeros((len(fit.selected), 0)), np.zeros(0), np.zeros(0), ())
+        return _Datum((), np.zeros((len(fit.selected), 0)), np.zeros(0), np.zeros(0), (), np.zeros(0, dtype=bool))
     parameters = [model.parameters[model.names.index(n)] for n in held.held]
     half = np.array([0.5 * p.range for p in parameters])
     kinds = tuple(p.kind or p.dimension for p in parameters)
-    return _Datum(held.held, beside, half, held.offsets(model, fit.values) / half, kinds)
+    ranged = np.array([n not in placed_anywhere(model) for n in held.held])
+    return _Datum(held.held, beside, half, held.offsets(model, fit.values) / half, kinds, ranged)
 
 
 def _scales(evidence: Evidence, noise: float | None) -> Scales:
@@ -234,7 +235,7 @@ def _evidence(
     parameters = [problem.model.parameters[k] for k in index]
     offsets = 2.0 * (fit.values - problem.model.nominal)[index] / problem.model.ranges[index]
     identified = np.arange(len(index)) < len(fit.selected)
-    unranged = frame_parameters(problem.model)
+    unranged = placed_anywhere(problem.model)
     return Evidence(
         information=np.array([j.T @ j for j, _ in parts]),
         score=np.array([j.T @ r for j, r in parts]),

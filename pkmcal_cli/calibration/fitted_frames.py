@@ -22,6 +22,13 @@ def frame_parameters(model: Model) -> frozenset[str]:
     return frozenset(n for e in fitted_frames(model) for n in e.parameters)
 
 
+def placed_anywhere(model: Model) -> frozenset[str]:
+    """These, and parameters that place only what instruments look at: of a ball that may stand anywhere. Their ranges
+    say nothing of those of rods and rails, which are lengths too."""
+    targets = model.base.targets(model.topology.coefficients)
+    return frame_parameters(model) | {p.name for p in model.parameters if p.shared_name in targets}
+
+
 def of_unplaced(problem: Problem, values: Array) -> NDArray[np.bool_]:
     """Cells (N, C) of instruments that stand anywhere, in sessions of which nothing says where at values (P,), SI."""
     model, numbers = problem.model, problem.model.by_name(values)

@@ -84,10 +84,13 @@ class Evidence:
             estimated=np.zeros(q, dtype=bool),
         )
 
-    def beside_datum(self, beside: Array, offsets: Array, kinds: tuple[str, ...]) -> Evidence:
+    def beside_datum(
+        self, beside: Array, offsets: Array, kinds: tuple[str, ...], ranged: NDArray[np.bool_]
+    ) -> Evidence:
         """The same of p identified parameters, of g of a datum after them, and of held ones.
 
-        beside (p, g): by what the former are off where one of the latter is; offsets (g,): where these are held.
+        beside (p, g): by what the former are off where one of the latter is; offsets (g,): where these are held;
+        ranged (g,): whether their kinds learn from them.
         """
         p, g, q = *beside.shape, len(self.centre)
         transform = np.hstack([np.eye(q)[:, :p], np.vstack([beside, np.zeros((q - p, g))]), np.eye(q)[:, p:]])
@@ -97,7 +100,7 @@ class Evidence:
             score=self.score @ transform,
             centre=np.insert(self.centre, p, offsets),
             kinds=(*self.kinds[:p], *kinds, *self.kinds[p:]),
-            estimated=np.insert(self.estimated, p, np.ones(g, dtype=bool)),
+            estimated=np.insert(self.estimated, p, ranged),
         )
 
     def taken(self, offsets: NDArray[np.intp], instruments: NDArray[np.intp]) -> Evidence:

@@ -31,19 +31,24 @@ _WRITE = "write it with `pkmcal calibrate -o`"
 
 @dataclass(frozen=True)
 class KnownParameter:
-    """Value and standard uncertainty, SI (nan: not known), of a parameter; whether it was identified; its unit."""
+    """Value and standard uncertainty, SI (nan: not known), of a parameter; whether it was identified; its unit.
+
+    asked: whether a fit was to identify it, determined or not; the others have neither `std` nor `note`.
+    """
 
     value: float
     std: float
     identified: bool
     unit: Unit
+    asked: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
 class KnownParameters:
     """What a parameter file says, SI: parameters by name; covariance (p, p) of `names`; what its rows say.
 
-    created: when, None where it does not say; inputs: sha256 by file; ending: of the fit.
+    created: when, None where it does not say; measured: dates of the first and last row, None where the table had none;
+    inputs: sha256 by file; ending: of the fit.
     """
 
     file: str
@@ -57,6 +62,15 @@ class KnownParameters:
     inputs: Mapping[str, str]
     ending: Ending
     evidence: Evidence | None = None
+    measured: tuple[datetime, datetime] | None = None
+
+    @property
+    def date(self) -> datetime | None:
+        """The middle of the measurement; where that is not known, when the file was made."""
+        if self.measured is None:
+            return self.created
+        first, last = self.measured
+        return first + (last - first) / 2
 
     def of_dimensions(self, dimensions: Mapping[str, Dimension]) -> KnownParameters:
         """The same without covariance of parameters that are of another dimension here, and so no partners."""
@@ -116,6 +130,7 @@ def known_parameters(path: str) -> KnownParameters:
         data=read_data(_plain(source.root, DATA), units, _written(section.value)),
         fingerprint=_fingerprint(_plain(source.root, FINGERPRINT)),
         created=_date(head.get("created")),
+        measured=_span(head),
         inputs={str(k): str(v) for k, v in _map(head.get("inputs")).items()},
         evidence=read_evidence(source.root),
         ending=read_ending(source.root),
@@ -157,7 +172,9 @@ def _entry(node: SourceNode) -> KnownParameter:
     number = unit.to_si(float(value))
     if not math.isfinite(number):
         raise ValueError("not finite")
-    return KnownParameter(number, spread if spread >= 0 else math.nan, entry.get("identified") is True, unit)
+    spread = spread if spread >= 0 else math.nan
+    asked = math.isfinite(spread) or bool(entry.get("note"))
+    return KnownParameter(number, spread, entry.get("identified") is True, unit, asked)
 
 
 def _covariance(plain: Any, units: Mapping[str, float]) -> tuple[tuple[str, ...], Array | None]:
@@ -184,6 +201,12 @@ def _fingerprint(plain: Any) -> Fingerprint | None:
         return read_fingerprint(plain)
     except ValueError:
         return None
+
+
+def _span(head: Mapping[Any, Any]) -> tuple[datetime, datetime] | None:
+    """When the rows were measured, of a provenance."""
+    first, last = (_date(head.get(key)) for key in ("measured_from", "measured_to"))
+    return None if first is None or last is None else (first, last)
 
 
 def _date(text: object) -> datetime | None:

@@ -84,8 +84,8 @@ def dump_parameters(
     lines += [] if evidence is None else evidence.lines()
     if correlations is not None:
         lines += [
-            "# For sums of parameters. One factor multiplies all std here, so that what cancels in sums still does:",
-            "# they may differ from those in `parameters`, each right by itself, and from half ranges of what is held.",
+            "# For sums of parameters. The noise, and what each range allows, are as wide as they turned out to be,",
+            "# each by itself, so that what cancels in sums still does: std may differ from those in `parameters`.",
             "correlations: # of all that is uncertain; std of what is held: half its range, as it turned out",
         ]
         lines.append(f"  names: [{', '.join(scalar(n) for n in correlations.names)}]")

@@ -11,23 +11,21 @@ from pkmcal_cli.calibration.change_course import Course
 from pkmcal_cli.calibration.comparison import Alone, Changes, Estimate, Omnibus, Single, changed, likely_changes
 from pkmcal_cli.calibration.data_sets import Common
 from pkmcal_cli.loading.known_parameters import KnownParameters
+from pkmcal_cli.report.compared_dates import date_notes, date_text
 from pkmcal_cli.report.compared_effects import Effect, effects_of, letter
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.number_format import finite, readable, uncertain
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _LISTED = 12  # names told one by one
-_CLOSE = (
-    "these files were calculated within a day: changes are told from the first to the last, in the order given; for "
-    "changes per day, write the dates of the measurements as `created:` in `provenance:`"
-)
+_UNSEEN = "; u contains changes of half a range that no data see"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Compared:
     """Tests of what data sets have in common; apart: what is not compared, with the files that have it.
 
-    changes, alone: over the whole course.
+    changes, alone: over the whole course. free: parameters that all fits were to identify, determined or not.
     """
 
     common: Common
@@ -36,17 +34,22 @@ class Compared:
     alone: Alone | None
     apart: Mapping[str, tuple[int, ...]]
     course: Course
+    free: tuple[str, ...]
 
     def named(self, alpha: float) -> tuple[str, ...]:
         """What has changed: parameters by their own tests, or by which one alone explains everything."""
         return changed(self.changes, self.alone, self.test, alpha)
 
     def likely(self, alpha: float) -> Estimate:
-        """What the machine has most likely changed by, ranges of parameters being knowledge of their changes too."""
+        """What the machine has most likely changed by, ranges of parameters being knowledge of their changes too.
+
+        One parameter alone where it explains everything, and no other does: elsewhere these differ where nothing was
+        measured.
+        """
         equals = self.alone.equals(self.named(alpha)) if self.test.p_value < alpha and self.alone is not None else ()
-        if equals and equals[0].explains:
+        if len(equals) == 1 and equals[0].explains:
             return equals[0].estimate
-        return likely_changes(self.common, self.changes.names, self.course.times)
+        return likely_changes(self.common, self.free, self.course.times)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,10 +108,9 @@ class ComparisonReport:
         to.say()
         heads = [letter(i) for i in range(len(self.known))]
         for head, k in zip(heads, self.known, strict=True):
-            date = "no date" if k.created is None else f"{k.created:%Y-%m-%d %H:%M}"
-            to.say(f"{head}: {k.file}, {date}")
-        if not c.course.days and len(self.known) > 2:
-            to.notes([_CLOSE])
+            to.say(f"{head}: {k.file}, {date_text(k)}")
+        if len(self.known) > 2:
+            to.notes(date_notes(self.known, c.course.days))
         change = "change per day" if c.course.rate else "change" + self._between(", ")
         if self.changes.names:
             to.table("Parameters", ("name", *heads, change, "p (Holm)", "remark"), self._parameter_rows())
@@ -189,7 +191,7 @@ class ComparisonReport:
         to.say(
             f"change of the tool point{self._between()} over the {t.over}{alone}: {readable(t.rms, unit)} rms "
             f"({readable(t.rms_by_chance, unit)} by chance alone), largest {readable(t.largest, unit)} "
-            f"(u {readable(t.std, unit)}) at {where}"
+            f"(u {readable(t.std, unit)}) at {where}" + ("" if t.alone else _UNSEEN)
         )
 
     def _show_apart(self, to: Reporter) -> None:
@@ -213,6 +215,8 @@ class ComparisonReport:
                 {
                     "file": k.file,
                     "created": None if k.created is None else k.created.isoformat(),
+                    "measured_from": None if k.measured is None else k.measured[0].isoformat(),
+                    "measured_to": None if k.measured is None else k.measured[1].isoformat(),
                     "status": k.ending.status,
                 }
                 for k in self.known

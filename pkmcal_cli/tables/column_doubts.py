@@ -13,7 +13,7 @@ from pkmcal_cli.csv_files.dialect import Flaw
 from pkmcal_cli.csv_files.reader import TableReader
 from pkmcal_cli.tables.column_binding import Binding
 from pkmcal_cli.tables.column_needs import Bound
-from pkmcal_cli.tables.serial_days import Times
+from pkmcal_cli.tables.serial_days import Span, Times
 from pkmcal_cli.units.dimensions import TEMPERATURE
 
 _ZERO = 273.15  # K, 0 degC
@@ -38,6 +38,15 @@ class ColumnDoubts:
             if len(known):
                 low, high = self.temperatures.get(name, (np.inf, -np.inf))
                 self.temperatures[name] = min(low, float(known.min())), max(high, float(known.max()))
+
+    def dates(self, binding: Binding, origin: float | None) -> Span | None:
+        """When the rows were measured; None where their times are no dates. origin: of such, s since 1970."""
+        bound = binding.named("time")
+        if bound is None:
+            return None
+        if binding.column_rules.kinds[bound.index] == "time":
+            return None if origin is None else self.times.since(origin)
+        return self.times.days if bound.unit.text == "s" else None
 
     def warnings(self, binding: Binding, reader: TableReader) -> tuple[Fault, ...]:
         """What is to be said of the columns."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from datetime import timedelta
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.base.errors import Fault
 from pkmcal_cli.base.stored_texts import StoredTexts
+from pkmcal_cli.tables.serial_days import Span
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -31,6 +33,7 @@ class Measurements:
     labels (N) by name: "id", "session", "tool", "part", "to"; "" where empty
     session (N,) index into `sessions`; file_index (N,) index into `files`; line (N,) in the file
     sha256: of the files; notes: what to announce of them; warnings: what is doubtful
+    dates: of the first and the last row, UTC; None where no times are dates
     Arrays that have nothing but NaN take no memory and cannot be written to.
     """
 
@@ -54,6 +57,7 @@ class Measurements:
     line: IntArray
     notes: tuple[str, ...] = ()
     warnings: tuple[Fault, ...] = ()
+    dates: Span | None = None
 
     def __len__(self) -> int:
         return len(self.line)
@@ -62,6 +66,14 @@ class Measurements:
     def inputs(self) -> dict[str, str]:
         """sha256 by name of the files."""
         return dict(zip(self.files, self.sha256, strict=True))
+
+    @property
+    def dated(self) -> dict[str, str]:
+        """When it was measured, as a provenance has it; {} where no times are dates."""
+        if self.dates is None:
+            return {}
+        first, last = ((d + timedelta(seconds=0.5)).isoformat(timespec="seconds") for d in self.dates)
+        return {"measured_from": first, "measured_to": last}
 
     @property
     def has_actuators(self) -> bool:

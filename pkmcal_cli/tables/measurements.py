@@ -27,6 +27,7 @@ from pkmcal_cli.tables.columns import Column, Role, channel_of_target, columns_o
 from pkmcal_cli.tables.label_notes import label_notes
 from pkmcal_cli.tables.measurement_set import Measurements, absent, concatenate
 from pkmcal_cli.tables.partners import check_partners, partner_notes
+from pkmcal_cli.tables.serial_days import Span
 from pkmcal_cli.tables.silent_sensors import TableUse, silent_sensors
 from pkmcal_cli.tables.time_order import time_order_notes
 from pkmcal_cli.tables.touches import Touches, implied_touches, unclear_touches
@@ -48,20 +49,21 @@ def read_measurements(paths: Sequence[Path | str], machine: Machine, require: Re
     check_partners(measurements, machine)
     of_labels = (*label_notes(measurements), *partner_notes(measurements, machine))
     notes = (*stream.notes, *of_labels, *time_order_notes(measurements))
-    return replace(measurements, notes=notes, warnings=stream.warnings)
+    return replace(measurements, notes=notes, warnings=stream.warnings, dates=stream.dates)
 
 
 class MeasurementStream:
     """Measurements read block by block, for tables larger than memory.
 
-    Iterating gives the rows, and at the end raises BadInput with all faults of all files. `notes` and `warnings`
-    are complete then.
+    Iterating gives the rows, and at the end raises BadInput with all faults of all files. `notes`, `warnings` and
+    `dates` are complete then.
     """
 
     def __init__(self, paths: Sequence[Path | str], machine: Machine, require: Require = "measured") -> None:
         self.paths, self.machine, self.require = tuple(paths), machine, require
         self.notes: tuple[str, ...] = ()
         self.warnings: tuple[Fault, ...] = ()
+        self.dates: Span | None = None
 
     def __iter__(self) -> Iterator[Measurements]:
         faults, total, notes = list(_twice(self.paths)), 0, []
@@ -81,6 +83,8 @@ class MeasurementStream:
             faults = self._silent(files)
         self.notes = (*notes, *clock.notes)
         self.warnings += tuple(doubt for file in files for doubt in file.doubts)
+        if spans := [file.dates for file in files if file.dates is not None]:
+            self.dates = min(first for first, _ in spans), max(last for _, last in spans)
         if faults:
             raise BadInput(faults[:MAX_FAULTS], total + len(faults))
 
@@ -135,6 +139,7 @@ class _File:
     use: TableUse | None = None
     columns: ColumnDoubts = field(default_factory=ColumnDoubts)
     doubts: tuple[Fault, ...] = ()
+    dates: Span | None = None
     touches: Touches = field(default_factory=lambda: Touches({}))
 
     def read(self, path: Path | str) -> Iterator[Measurements]:
@@ -162,6 +167,7 @@ class _File:
             self.notes += [*reader.notes, *binding.notes, *([touches] if touches else []), *self._counts(binding)]
             log.raise_if_any()
             self.doubts = self.columns.warnings(binding, reader)
+            self.dates = self.columns.dates(binding, self.clock.origin)
 
     def _convert(self, chunk: Chunk, binding: Binding, reader: TableReader) -> Measurements:
         machine, rows = self.machine, len(chunk.lines)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
@@ -11,7 +11,9 @@ from pkmcal_cli.csv_files.cell_values import FloatArray
 from pkmcal_cli.csv_files.dialect import Flaw
 
 _FIRST, _LAST = 32_000.0, 62_000.0  # days since the end of 1899: 1987 to 2069
-_EPOCH = datetime(1899, 12, 30)
+_EPOCH = datetime(1899, 12, 30, tzinfo=UTC)
+Span = tuple[datetime, datetime]
+"""When the first and the last row were measured, UTC."""
 _STEP = 0.5  # s: a campaign whose poses follow faster than this is none
 
 
@@ -30,13 +32,26 @@ class Times:
             self.count += len(known)
             self.least, self.most = min(self.least, float(known.min())), max(self.most, float(known.max()))
 
-    def flaw(self, line: int, cell: int) -> Flaw | None:
-        """What is to be said of the column, where its times look like day numbers."""
+    def since(self, origin: float) -> Span | None:
+        """By dates, of which these times are counted from `origin`, s since 1970; None without any."""
+        if not self.count:
+            return None
+        return datetime.fromtimestamp(origin + self.least, UTC), datetime.fromtimestamp(origin + self.most, UTC)
+
+    @property
+    def days(self) -> Span | None:
+        """By day numbers; None where these times do not look like such."""
         if self.count < 2 or not _FIRST <= self.least <= self.most <= _LAST:
             return None
         if self.most - self.least > _STEP * (self.count - 1) or self.most == self.least:
             return None
-        when = _EPOCH + timedelta(days=self.least)
+        return _EPOCH + timedelta(days=self.least), _EPOCH + timedelta(days=self.most)
+
+    def flaw(self, line: int, cell: int) -> Flaw | None:
+        """What is to be said of the column, where its times look like day numbers."""
+        if self.days is None:
+            return None
+        when = self.days[0]
         message = (
             f"column `time` is read in seconds, but {self.least:g} looks like a spreadsheet's day ({when:%Y-%m-%d})"
         )

@@ -228,8 +228,8 @@ def parameter_head(calibrated: Calibrated, **more: object) -> dict[str, Any]:
     request = calibrated.setting.request
     how = {} if request.method == "exact" else {"method": request.method}
     doubts = provenance_of_doubts(calibrated.report.implausible, request.accept)
-    status = calibrated.report.status
-    return provenance(calibrated.setting.inputs, seed=None, status=status, **how, **doubts, **more)
+    status, dated = calibrated.report.status, calibrated.setting.measured.dated
+    return provenance(calibrated.setting.inputs, seed=None, status=status, **dated, **how, **doubts, **more)
 
 
 def parameter_text(calibrated: Calibrated, **more: object) -> str:

@@ -208,7 +208,10 @@ def _compared(known: Sequence[KnownParameters]) -> Compared:
     course, single = likely_course(c, contrasts, test, _line(known)) if test.dof else (_line(known), None)
     chosen = [[n for n, p in k.parameters.items() if np.isfinite(p.std)] for k in known]
     moved = changes(c, chosen_by_all(c, chosen), course.times, test.freedom)
-    return Compared(common=c, test=test, changes=moved, alone=single, apart=_apart(known, c), course=course)
+    free = chosen_by_all(c, [[n for n, p in k.parameters.items() if p.asked] for k in known])
+    return Compared(
+        common=c, test=test, changes=moved, alone=single, apart=_apart(known, c), course=course, free=free
+    )
 
 
 def _per_campaign(known: KnownParameters) -> set[str]:
@@ -243,10 +246,10 @@ def _line(known: Sequence[KnownParameters]) -> Course:
     if len(known) == 2:
         return Course((0.0, 1.0))
     for k in known:
-        if k.created is None:
+        if k.date is None:
             message = "a trend needs the date of each file; this one has none"
             raise BadInput.single(message, Location(k.file), "write `created:` in its `provenance:`", "date")
-    return line_of([k.created for k in known if k.created is not None])
+    return line_of([k.date for k in known if k.date is not None])
 
 
 def _warnings(known: Sequence[KnownParameters]) -> list[str]:

@@ -277,7 +277,7 @@ def _write(
 def _head(request: ImproveRequest, inputs: dict[str, str], improved: Improved) -> dict[str, Any]:
     """Where the parameters come from, and whether they are to be believed."""
     doubts = provenance_of_doubts(improved.odd, request.accept)
-    return provenance(inputs, seed=request.seed, status=improved.status, **doubts)
+    return provenance(inputs, seed=request.seed, status=improved.status, **improved.case.measured.dated, **doubts)
 
 
 def _base(machine: str, target: str) -> str:

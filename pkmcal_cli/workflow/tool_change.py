@@ -36,7 +36,7 @@ def tool_change(
     model = loaded.model
     names = [n for n in changes.names if n in model.names]
     if not names:
-        return "the machine has none of the parameters"
+        return "no parameter that the machine has was identified in all files"
     workspace = model.workspace or _measured(model, known)
     if workspace is None or not model.tool_motion.shown:
         return "the machine declares no `workspace`, and not all files say where they measured with each of its drives"

@@ -172,6 +172,8 @@ gates[].limit number?:
 gates[].unit text:
 gates[].kept flag: whether the value is not above the limit
 provenance.seed~ integer?: null
+provenance.measured_from~ text: date of the first row, UTC, where the table's times are dates
+provenance.measured_to~ text: of the last row
 provenance.status text: as `status`
 provenance.method~ text: other than `exact`
 provenance.implausible~[] text: as `implausible`, if there is any

@@ -15,6 +15,8 @@ named~[] text: what has changed: parameters by their own tests (if one change ex
     do so alone); else those of which one alone explains the change
 files~[].file text: what is compared
 files[].created text?: date, or null
+files[].measured_from text?: date of the first row, null where its table had no dates
+files[].measured_to text?: of the last row
 files[].status text: how the fit ended
 test~.statistic number?: F: chi-square over its degrees of freedom, noise as it turned out to be; null without any
 test.degrees_of_freedom integer: combinations of parameters that all determine

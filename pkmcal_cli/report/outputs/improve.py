@@ -96,6 +96,8 @@ gates[].limit number?:
 gates[].unit text:
 gates[].kept flag: whether the value is not above the limit
 provenance.seed integer: as given
+provenance.measured_from~ text: date of the first row, UTC, where the table's times are dates
+provenance.measured_to~ text: of the last row
 provenance.status text: how the fit with all that was accepted ended
 provenance.implausible~[] text: as `implausible`, if there is any
 provenance.accepted~[] text: the same with `--accept`
