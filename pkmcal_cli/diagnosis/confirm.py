@@ -119,8 +119,9 @@ def _held_out(
     white, columns = white.reshape(shape), (slopes * ranges).reshape(*shape, -1)
     assert evaluation.prediction.jacobian is not None
     by_step = np.where(problem.measured[..., None], evaluation.prediction.jacobian, 0.0) * ranges
-    spectrum, known = directions(near.jacobian * ranges, selected, np.full(len(selected), 2.0)), known * ranges
-    prior = spectrum.vectors.T @ np.diag(np.where(spectrum.held, 1.0, 1e-6)) @ spectrum.vectors  # held ones stay near
+    twice, known = np.full(len(selected), 2.0), known * ranges
+    spectrum = directions(near.jacobian * ranges, selected, twice, beside=search.unheld.beside(selected))
+    prior = spectrum.duals.T @ np.diag(np.where(spectrum.held, 1.0, 1e-6)) @ spectrum.duals  # held ones stay near
     prior += known.T @ known
     out_raw, out_white = raw.copy(), white.copy()
     fold_of = value_folds(problem, labels)
