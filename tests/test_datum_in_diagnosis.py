@@ -1,9 +1,8 @@
-"""Diagnoses relative to a datum: what is held as datum changes neither what rows held out say nor what a shape hides."""
+"""What is held as datum changes neither what rows held out say of an effect nor what a shape hides."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,7 +22,7 @@ DATUMS = ("[h1, z1]", "[h4, z3]")
 
 @pytest.fixture(scope="module")
 def searches(tmp_path_factory: pytest.TempPathFactory) -> list[Search]:
-    """One campaign, in which the scale of a drive is in the fit, by two datums; few rows, so that directions are held."""
+    """One campaign with the scale of a drive in the fit, by two datums; few rows, so that directions are held."""
     folder, rng = tmp_path_factory.mktemp("rails"), np.random.default_rng(5)
     files, made = four_rails.measure(four_rails.drawn(rng), rng, folder, rows=14), []
     for datum in DATUMS:

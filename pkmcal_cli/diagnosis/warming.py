@@ -1,4 +1,4 @@
-"""Drifts of drives and of the instrument have one course in time; where temperature goes with it, thermal effects too."""
+"""Drifts of drives and instruments have one course in time; where temperature goes with it, thermal effects too."""
 
 from __future__ import annotations
 
