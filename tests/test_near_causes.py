@@ -1,8 +1,6 @@
-"""A cause of plausible size where the calibration runs away: accepted, and judged, where the calibration with it ends."""
+"""A cause of plausible size where a calibration runs away: accepted, and judged, where that with it ends."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 import pytest

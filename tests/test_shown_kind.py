@@ -53,5 +53,6 @@ def test_errors_are_told_of_the_kind_that_stands_out(tmp_path: Path) -> None:
 
 def test_where_all_is_noise_positions_are_told_of(tmp_path: Path) -> None:
     done = diagnosed(tmp_path, 0.0)
-    assert (done.json["verdict"], done.json["kind"]) == ("clean", "position") and "um rms of position (sigma 10 um" in done.err
+    assert (done.json["verdict"], done.json["kind"]) == ("clean", "position")
+    assert "um rms of position (sigma 10 um" in done.err
     assert not (tmp_path / "pictures" / "residuals.svg").exists()
