@@ -53,9 +53,11 @@ SIGMAS = {"l": 0.05, "z": 0.25, "h": 0.05, "t": 0.05}
 """Half the ranges, mm."""
 
 
-def drawn(rng: np.random.Generator) -> Truth:
-    """A true machine and its balls, mm, as its ranges say; none of its parameters is where the file has it."""
-    truth = {name: NOMINAL[name] + sigma * rng.normal(size=NOMINAL[name].shape) for name, sigma in SIGMAS.items()}
+def drawn(rng: np.random.Generator, times: float = 1.0) -> Truth:
+    """A true machine and its balls, mm, as its ranges say, or so many times as far off; none of its parameters is where
+    the file has it."""
+    sigmas = {name: times * sigma for name, sigma in SIGMAS.items()}
+    truth = {name: NOMINAL[name] + sigma * rng.normal(size=NOMINAL[name].shape) for name, sigma in sigmas.items()}
     return truth | {"balls": BALLS + rng.normal(size=BALLS.shape)}
 
 
@@ -102,16 +104,27 @@ def _tool(truth: Truth, readings: Array, guess: Array) -> Array:
     return np.asarray(x[:2] + _turned(x[2]) @ truth["t"])
 
 
-def measure(truth: Truth, rng: np.random.Generator, folder: Path, rows: int = 40, bar: float = 0.0) -> list[str]:
-    """Tables b1.csv ..., one for each ball; `bar`: by how much longer the ball bar is than it says, mm."""
+def measure(
+    truth: Truth,
+    rng: np.random.Generator,
+    folder: Path,
+    rows: int = 40,
+    bar: float = 0.0,
+    *,
+    sigma: float = 1e-3,
+    turn: float = 12.0,
+) -> list[str]:
+    """Tables b1.csv ..., one for each ball; `bar`: by how much longer the ball bar is than it says, mm; the plate turns
+    by up to `turn`, degrees; sigma: of the ball bar, mm."""
     files = []
     for k, (nominal, ball) in enumerate(zip(BALLS, truth["balls"], strict=True), start=1):
         lines = ["q1 [mm],q2 [mm],q3 [mm],q4 [mm],ballbar [mm]"]
         for phase in rng.uniform(0, 2 * np.pi) + 2 * np.pi * np.arange(rows) / rows:
-            place, angle = nominal + 100 * np.array([np.cos(phase), np.sin(phase)]), np.radians(rng.uniform(-12, 12))
+            place = nominal + 100 * np.array([np.cos(phase), np.sin(phase)])
+            angle = np.radians(rng.uniform(-turn, turn))
             readings = _readings(place, angle)
             tool = _tool(truth, readings, np.append(place - _turned(angle) @ NOMINAL["t"], angle))
-            length = np.hypot(*(tool - ball)) + 1e-3 * rng.normal() - bar
+            length = np.hypot(*(tool - ball)) + sigma * rng.normal() - bar
             lines.append(",".join(f"{v:.3f}" for v in readings) + f",{length:.4f}")
         files.append(str(folder / f"b{k}.csv"))
         Path(files[-1]).write_text("\n".join([*lines, ""]), encoding="utf-8")

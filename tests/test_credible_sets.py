@@ -15,7 +15,7 @@ from pkmcal_cli.report.diagnosis import DiagnosisReport
 from tests.benchmark.cases import case
 from tests.benchmark.setting import diagnosed, machine
 from tests.test_search import SEED, at, planted
-from tests.truth.campaigns import Scenario, campaign, unit
+from tests.truth.campaigns import Planted, Scenario, campaign, unit
 
 
 def test_a_set_holds_what_it_is_the_set_of() -> None:
@@ -94,3 +94,18 @@ def test_a_cooling_phase_decides_where_time_and_temperature_go_together() -> Non
     assert "a cooling phase would decide" in report._alternatives(alike)
     names = [r.hypothesis.name for r in finding.rivals]
     assert len(names) == len(set(names)) and finding.hypothesis.name in names
+
+
+def test_a_drift_of_the_instrument_is_in_the_set_of_a_drive_that_moves_the_tool_as_it_does() -> None:
+    """Both have one course in time; in the direction of the drive its one number has more evidence than three."""
+    drifts = Planted("drift", "tracker", {"x1": 0.7e-6, "y1": 7.0e-6, "z1": 2.9e-6})
+    (finding,) = diagnosed(campaign("delta4", [drifts], 19), 19).findings
+    members = {r.hypothesis.name: r for r in finding.rivals}
+    assert finding.hypothesis.name == "zero_drift@q2" and finding.ambiguous
+    assert members["drift@tracker"].cosine > 0.95 and not any(r.hypothesis.members for r in finding.rivals)
+
+
+def test_a_drift_that_the_table_tells_from_the_instruments_stands_alone() -> None:
+    drive = Planted("zero_drift", "q1", {"o1": 60e-6})
+    (finding,) = diagnosed(campaign("triglide", [drive], 3), 3).findings
+    assert [r.hypothesis.name for r in finding.rivals] == ["zero_drift@q1"]

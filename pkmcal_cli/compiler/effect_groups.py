@@ -9,6 +9,7 @@ import numpy as np
 from pkmcal_cli.language.channels import kind_of_sensor
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.sections import driven_sections, sections_with
+from pkmcal_cli.language.turning import LINEAR, ROTARY
 from pkmcal_cli.model.effect_sites import EffectGroups, EffectSites
 from pkmcal_cli.yaml_source.tree import Path
 
@@ -17,9 +18,15 @@ _APART = 0.5  # of the difference of all heights, that lies between those above 
 
 
 def effect_groups(machine: Machine, sites: EffectSites) -> EffectGroups:
-    """Groups of places by name, those of the machine file first; a group of the same members stands once."""
+    """Groups of places by name, those of the machine file first; a group of the same members stands once.
+
+    Where some drives turn and others do not, those of a group are also two groups, as numbers of one are angles and of
+    the other lengths.
+    """
     named: dict[str, tuple[str, ...]] = {}
-    automatic = (*_levels(machine, sites), *_kinds(sites), *_sensor_kinds(machine, sites), *_repeated(machine))
+    levels = (group for level in _levels(machine, sites) for group in _by_unit(machine, *level))
+    declared = (group for one in machine.groups.items() for group in _by_unit(machine, *one))
+    automatic = (*levels, *_kinds(sites), *declared, *_sensor_kinds(machine, sites), *_repeated(machine))
     for name, members in (*machine.groups.items(), *automatic):
         if len(members) > 1 and name not in named and not any(set(members) == set(m) for m in named.values()):
             named[name] = members
@@ -27,6 +34,17 @@ def effect_groups(machine: Machine, sites: EffectSites) -> EffectGroups:
 
 
 Grouped = Iterator[tuple[str, tuple[str, ...]]]
+
+
+def _by_unit(machine: Machine, name: str, members: tuple[str, ...]) -> Grouped:
+    """A group; where drives have several units, what is no drive, and the drives of each unit."""
+    turning = {a for a, drive in machine.actuators.items() if drive.turns is not None}
+    if not 0 < len(turning) < len(machine.actuators):
+        yield name, members
+        return
+    yield name, tuple(m for m in members if m not in machine.actuators)
+    yield f"{name}_{ROTARY}", tuple(m for m in members if m in turning)
+    yield f"{name}_{LINEAR}", tuple(m for m in members if m in machine.actuators and m not in turning)
 
 
 def _repeated(machine: Machine) -> Grouped:

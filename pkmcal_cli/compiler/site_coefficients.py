@@ -87,6 +87,7 @@ def _drive_forces(c: SiteCollector) -> Named:
                         coefficients=coefficients_at(drive.force_coefficient),
                         matrix=drive.force_sign * ONE,
                         actuator=a,
+                        kind=_kind(c.structure.machine.actuators[drive.name]),
                     ),
                 ),
             )

@@ -48,7 +48,8 @@ def best_fit(problem: Problem, values: Array, parameters: tuple[str, ...], weigh
     near = _evenly(problem, values, parameters, weights) or _linear(problem, values, parameters, weights)
     jacobian, shape = near
     ranges = 0.5 * problem.model.ranges[[problem.model.names.index(n) for n in parameters]]
-    spectrum = directions(jacobian * ranges, parameters, np.full(len(parameters), 2.0))
+    twice = np.full(len(parameters), 2.0)
+    spectrum = directions(jacobian * ranges, parameters, twice, beside=problem.beside(parameters))
     moved = spectrum.vectors[~spectrum.held].T * ranges[:, None]  # (p, d)
     q, upper = np.linalg.qr(jacobian @ moved)
     imitated = q.T @ shape  # (d, K)

@@ -144,7 +144,7 @@ def improve(
         before=begun.errors,
         after=progress.errors,
         gain=gain_of(first, progress.folds, seed),
-        rms_gain=rms_gain_of(first, progress.folds, seed),
+        rms_gain=rms_gain_of(first, progress.folds, whole.shown.channels, seed),
         fit=fit,
         budget=budget,
         problem=clean,

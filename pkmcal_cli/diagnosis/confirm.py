@@ -15,8 +15,8 @@ from pkmcal_cli.calibration.residual import evaluate, linearise, predicted_part
 from pkmcal_cli.diagnosis.groups import pose_axes
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.scoring import Search, nulled
+from pkmcal_cli.diagnosis.shown_kind import shown_kind
 from pkmcal_cli.effects import catalogue
-from pkmcal_cli.units.measurands import Measurand
 
 FOLDS = 6
 _CELLS = 4
@@ -71,7 +71,7 @@ def _held_out_gain(search: Search, hypothesis: Hypothesis) -> HeldOutGain:
     folds, on = np.unique(labels), on & there
     squares = np.where(on, white_without**2 - white_with**2, 0.0)
     gains = np.array([squares[labels == f].sum() / max(on[labels == f].sum(), 1) for f in folds])
-    kind = shown_channels(search.problem)
+    kind = list((search.shown or shown_kind(search.problem, search.fit)).channels)
     measured = on[:, kind]
     return HeldOutGain(
         float(np.sqrt((raw_with[:, kind][measured] ** 2).mean())),
@@ -88,14 +88,6 @@ def _without(search: Search, hypothesis: Hypothesis) -> tuple[Array, tuple[str, 
     if far_off is None or far_off.absorbed is None:
         return nulled(search, [hypothesis])
     return far_off.absorbed.values, far_off.absorbed.selected
-
-
-def shown_channels(problem: Problem) -> list[int]:
-    """Channels of which errors are told as one figure: measured positions, else all measured ones of one dimension."""
-    used = [k for k in range(len(problem.model.channels)) if problem.measured[:, k].any()]
-    channels = problem.model.channels
-    positions = [k for k in used if channels[k].measurand is Measurand.POSITION]
-    return positions or [k for k in used if channels[k].dimension == channels[used[0]].dimension]
 
 
 def _held_out(
@@ -119,8 +111,9 @@ def _held_out(
     white, columns = white.reshape(shape), (slopes * ranges).reshape(*shape, -1)
     assert evaluation.prediction.jacobian is not None
     by_step = np.where(problem.measured[..., None], evaluation.prediction.jacobian, 0.0) * ranges
-    spectrum, known = directions(near.jacobian * ranges, selected, np.full(len(selected), 2.0)), known * ranges
-    prior = spectrum.vectors.T @ np.diag(np.where(spectrum.held, 1.0, 1e-6)) @ spectrum.vectors  # held ones stay near
+    twice, known = np.full(len(selected), 2.0), known * ranges
+    spectrum = directions(near.jacobian * ranges, selected, twice, beside=search.unheld.beside(selected))
+    prior = spectrum.duals.T @ np.diag(np.where(spectrum.held, 1.0, 1e-6)) @ spectrum.duals  # held ones stay near
     prior += known.T @ known
     out_raw, out_white = raw.copy(), white.copy()
     fold_of = value_folds(problem, labels)

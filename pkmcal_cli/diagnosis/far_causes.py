@@ -27,6 +27,7 @@ from pkmcal_cli.diagnosis.confirm import held_out_gain
 from pkmcal_cli.diagnosis.first_fit import OUT
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, linear_problem
+from pkmcal_cli.diagnosis.near_causes import with_near_cause
 from pkmcal_cli.diagnosis.score import UNUSUAL
 from pkmcal_cli.diagnosis.scoring import FarOff, Search
 
@@ -135,7 +136,7 @@ def _best(
 ) -> tuple[Search | None, tuple[str, ...]]:
     """The search with the far-off cause that has most evidence; None where none is one. Names for which no time was.
 
-    None as well where the one with most evidence is of usual size: that is for the linear tests, which see its rivals.
+    Where the one with most evidence is of usual size, with that, if it leaves little: else it is for the linear tests.
     """
     screened, untried = _screened(search, candidates, observe, budget)
     variance = max(min((f.chi2_per_dof for f in screened.values()), default=1.0), 1.0)
@@ -146,7 +147,8 @@ def _best(
     able = [h for h in sorted(ends, key=lambda h: cost[h]) if _explains(search, ends[h])]
     for hypothesis in able:
         if not _is_far(search, hypothesis, ends[hypothesis]):
-            return None, untried
+            explained = ends[hypothesis].chi2_per_dof <= _TIMES
+            return (with_near_cause(search, hypothesis, ends[hypothesis]) if explained else None), untried
         competing = [h for h in able if h is hypothesis or not h.akin(hypothesis)]
         weight = np.exp([cost[hypothesis] - cost[h] for h in competing])
         rivals = [(h.whole, float(w / weight.sum())) for h, w in zip(competing, weight, strict=True)]

@@ -17,7 +17,7 @@ from pkmcal_cli.diagnosis.refits import refit
 from pkmcal_cli.diagnosis.score import log_evidence
 from pkmcal_cli.diagnosis.scoring import Scored, Search, score_without, shape_gains
 from pkmcal_cli.diagnosis.search import ranked, stands_on_one_row
-from pkmcal_cli.diagnosis.warming import TOGETHER, fits_as_well, of_warming, warming
+from pkmcal_cli.diagnosis.warming import alike_in_time, fits_as_well
 
 RIVALS = 4
 _FITS = 12  # with others in the place of an accepted effect, at most
@@ -177,11 +177,9 @@ def set_of(search: Search, hypothesis: Hypothesis) -> CredibleSet:
     """The set of an accepted effect, judged where the search has come to."""
     without = score_without(search, [hypothesis], (hypothesis, *search.open_without([hypothesis])))
     evidence = final_evidence(search, hypothesis, without)
-    kept = np.zeros(len(evidence), dtype=bool)
-    if of_warming(hypothesis) and warming(search.problem) > TOGETHER:  # no evidence decides between them
-        statistic = np.array([s.statistic for s in without.scores])
-        kept = fits_as_well(statistic, float(statistic[0]), without.scale.variance)
-        kept &= [of_warming(h) for h in without.hypotheses]
+    statistic = np.array([s.statistic for s in without.scores])
+    kept = fits_as_well(statistic, float(statistic[0]), without.scale.variance)
+    kept &= alike_in_time(search.problem, hypothesis, without.hypotheses)  # no evidence decides between them
     return CredibleSet(credible_set(without, evidence, kept), without, evidence)
 
 

@@ -16,7 +16,7 @@ from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.point_errors import PointErrors, joined, point_errors
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate, lost_rows, predicted_part, weighted_residual
-from pkmcal_cli.diagnosis.confirm import cells, shown_channels
+from pkmcal_cli.diagnosis.confirm import cells
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 
 _DRAWS = 4000
@@ -156,13 +156,18 @@ def gain_of(before: Sequence[OuterFold], after: Sequence[OuterFold], seed: int) 
     return _interval(total[0] / total[1], drawn[0] / drawn[1])
 
 
-def rms_gain_of(before: Sequence[OuterFold], after: Sequence[OuterFold], seed: int) -> Interval:
-    """Fall of the root mean square error of positions (of all channels without any), SI; rows as in `_gain`."""
-    positions = shown_channels(before[0].report)
+def rms_gain_of(
+    before: Sequence[OuterFold], after: Sequence[OuterFold], channels: Sequence[int], seed: int
+) -> Interval:
+    """Fall of the root mean square error of some channels, of a point's where these are its coordinates, SI.
+
+    Rows as in `gain_of`.
+    """
+    some = list(channels)
     sums = []
     for old, new in zip(before, after, strict=True):
-        squares = [(t.reported.residual[:, positions] ** 2).sum(axis=1) for t in (old, new)]
-        used = old.report.measured[:, positions].any(axis=1)
+        squares = [(t.reported.residual[:, some] ** 2).sum(axis=1) for t in (old, new)]
+        used = old.report.measured[:, some].any(axis=1)
         sums.append(_block_sums(old.report, np.stack([*squares, used], axis=1)))
     total, drawn = _resampled(np.vstack(sums), seed)
     value = np.sqrt(total[0] / total[2]) - np.sqrt(total[1] / total[2])

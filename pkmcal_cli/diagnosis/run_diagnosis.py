@@ -40,6 +40,7 @@ from pkmcal_cli.diagnosis.scoring import Scored, Search, score_all
 from pkmcal_cli.diagnosis.search import run_search
 from pkmcal_cli.diagnosis.search_options import SearchOptions
 from pkmcal_cli.diagnosis.shape_findings import ShapeFinding, nameless_at, shape_findings
+from pkmcal_cli.diagnosis.shown_kind import ShownKind, shown_kind
 from pkmcal_cli.diagnosis.unknown import TESTS, Unknown, unknown_effects
 from pkmcal_cli.diagnosis.unmodelled import unmodelled_alternatives
 from pkmcal_cli.diagnosis.verdict import Verdict, verdict_of
@@ -74,6 +75,11 @@ class Diagnosis:
     weighed: RobustFit | None = None  # by which values were weighed
     mistakes: tuple[str, ...] = ()  # of the table, which was put right before
     implausible: tuple[str, ...] = ()  # why the calibration is not to be believed although no cause was found
+
+    @property
+    def shown(self) -> ShownKind:
+        """Of which readings errors are told as one figure."""
+        return self.search.shown or shown_kind(self.search.problem, self.search.fit)
 
     @property
     def named_shapes(self) -> tuple[ShapeFinding, ...]:
@@ -230,7 +236,8 @@ def _begun(candidates: Candidates, problem: Problem, selected: tuple[str, ...], 
     first = score_all(start, [h.whole for h in candidates.hypotheses])
     same = same_as_parameters(first)
     candidates = replace(candidates, hypotheses=tuple(h for h in candidates.hypotheses if h.name not in same))
-    return _Begun(every=every, start=replace(start, candidates=candidates), first=first, same=same)
+    start = replace(start, candidates=candidates, shown=shown_kind(start.problem, start.fit))
+    return _Begun(every=every, start=start, first=first, same=same)
 
 
 def _ended(begun: _Begun, options: SearchOptions) -> Search:

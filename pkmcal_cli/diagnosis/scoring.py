@@ -26,6 +26,7 @@ from pkmcal_cli.diagnosis.noise_tests import independent, noise_scale
 from pkmcal_cli.diagnosis.outlying_rows import RowScores, row_scores
 from pkmcal_cli.diagnosis.scale import Scale
 from pkmcal_cli.diagnosis.score import UNUSUAL, Score, log_evidence
+from pkmcal_cli.diagnosis.shown_kind import ShownKind
 from pkmcal_cli.model.effect_sites import PlacedEffect
 
 _NEAR_BEST = 30.0  # log evidence that a free shape can make up for
@@ -116,6 +117,7 @@ class Search:
     far_off: Mapping[str, FarOff] = field(default_factory=dict)  # by name, among the accepted effects
     untried: tuple[str, ...] = ()  # effects that may be far off, but were too many to try
     shapes: tuple[NamelessShape, ...] = ()  # that stand for what has no name
+    shown: ShownKind | None = None  # of which errors are told; None: that which stands out at a fit
     known: KnownResults = field(default_factory=KnownResults, compare=False)
 
     @property

@@ -1,8 +1,11 @@
-"""Where time and temperature go together: drifts and thermal effects are then hardly told apart."""
+"""Drifts of drives and instruments have one course in time; where temperature goes with it, thermal effects too."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
@@ -31,6 +34,23 @@ def of_warming(hypothesis: Hypothesis) -> bool:
     """Whether an effect is a drift or depends on temperature."""
     effect = catalogue().get(hypothesis.effect)
     return effect is not None and bool({"time", "temperature"} & set(effect.needs))
+
+
+def alike_in_time(problem: Problem, one: Hypothesis, others: Sequence[Hypothesis]) -> NDArray[np.bool_]:
+    """Which of others (H,) have the course of one effect in time, so that only what they move tells them apart.
+
+    An instrument drifts in any direction, and has numbers for it; a drive moves the tool in one. Where that is near,
+    fewer numbers have more evidence, whichever it was.
+    """
+    if of_warming(one) and warming(problem) > TOGETHER:
+        return np.array([of_warming(h) for h in others], dtype=bool)
+    rivals = [_drifts(h) and h.measurement != one.measurement and not h.members for h in others]
+    return np.array(rivals, dtype=bool) & _drifts(one)
+
+
+def _drifts(hypothesis: Hypothesis) -> bool:
+    effect = catalogue().get(hypothesis.effect)
+    return effect is not None and "time" in effect.needs
 
 
 def fits_as_well(statistic: Array, best: float, variance: float) -> Array:

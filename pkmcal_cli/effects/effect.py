@@ -213,6 +213,11 @@ class Effect:
     any_curve: bool = False  # over the travel, by definition: its formula is only the usual one
     proportional: bool = False  # to the travel: what bends it more than a little has another name
 
+    @property
+    def turns_units(self) -> bool:
+        """Whether its numbers are others, with other units, where a drive turns."""
+        return any(p.rotary is not None for p in self.parameters)
+
     def used(self, planar: bool) -> tuple[EffectParameter, ...]:
         """Parameters in a plane or in space."""
         return tuple(p for p in self.parameters if not (planar and p.spatial))

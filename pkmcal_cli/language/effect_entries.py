@@ -16,6 +16,7 @@ from pkmcal_cli.language.binding import Binder, Slip
 from pkmcal_cli.language.effect_numbers import EffectNumber, Entries, WrittenEntries
 from pkmcal_cli.language.quantities import WrittenNumber, WrittenValue, fault
 from pkmcal_cli.language.shape_entries import resolved_shape
+from pkmcal_cli.language.turning import Turning
 from pkmcal_cli.language.walk import with_values
 from pkmcal_cli.units.file_units import FileUnits
 from pkmcal_cli.units.limits import SMALLEST
@@ -40,8 +41,8 @@ class EffectResolver:
     """Resolves the entries against the catalogue; faults are added at their places."""
 
     units: FileUnits
-    rotary: frozenset[str]  # names of drives that turn
-    angular: frozenset[str]  # names of sensors that read an angle
+    rotary: Turning  # of drives
+    angular: Turning  # of sensors, which read an angle
     source: SourceMap
     faults: FaultList
 
@@ -64,7 +65,7 @@ class EffectResolver:
     def _resolved(self, effect: Effect, at: str, name: str, entries: WrittenEntries) -> Entries:
         every: tuple[EffectParameter | Option, ...] = (*effect.parameters, *effect.options)
         turning = self.angular if effect.enters == "frame" else self.rotary
-        known = {p.name: unit_at(p, at.partition("[")[0] in turning) for p in every}
+        known = {p.name: unit_at(p, turning.at(at.partition("[")[0])) for p in every}
         for option in effect.options:
             if option.needed and option.name not in entries:
                 message = f"`{name}` needs `{option.name}`: {option.text}"

@@ -22,6 +22,7 @@ from pkmcal_cli.language.parameter_values import ParameterResolver, stated_dimen
 from pkmcal_cli.language.parts import Body, Frame, Guide, Load, Parameter
 from pkmcal_cli.language.quantities import Quantity, WrittenValue
 from pkmcal_cli.language.sensing import Sensor
+from pkmcal_cli.language.turning import Turning
 from pkmcal_cli.language.walk import replaced, written_values
 from pkmcal_cli.units.dimensions import ACCELERATION, ANGLE, FORCE, LENGTH, TORQUE, Dimension
 from pkmcal_cli.units.file_units import FileUnits
@@ -73,9 +74,10 @@ class Resolver:
         )
         made: Machine = replaced(to_bind, lambda path, written: bound[path])
         check_bench(made, parameters, self.slipped, self.source, self.faults)
-        turning = frozenset(name for name, a in self.machine.actuators.items() if a.turns is not None)
+        drives = {name: drive.turns is not None for name, drive in self.machine.actuators.items()}
         kinds = {name: kind_of_sensor(sensor) for name, sensor in self.machine.sensors.items()}
-        angular = frozenset(name for name, kind in kinds.items() if kind.measurand.dimension == ANGLE)
+        angles = {name: kind.measurand.dimension == ANGLE for name, kind in kinds.items()}
+        turning, angular = (Turning(some, self.machine.groups) for some in (drives, angles))
         effects = EffectResolver(self.units, turning, angular, self.source, self.faults).run(self.machine.effects)
         return filled(made.model_copy(update={"parameters": parameters, "effects": effects}))
 

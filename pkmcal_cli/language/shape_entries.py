@@ -9,6 +9,7 @@ from pkmcal_cli.base.errors import did_you_mean
 from pkmcal_cli.effects.unexplained import FreeShape, place_and_axis
 from pkmcal_cli.language.effect_numbers import EffectNumber, Entries, WrittenEntries
 from pkmcal_cli.language.quantities import WrittenNumber
+from pkmcal_cli.language.turning import Turning
 from pkmcal_cli.language.walk import with_values
 from pkmcal_cli.units.limits import SMALLEST
 from pkmcal_cli.units.unit_text import Unit, parse_unit
@@ -23,7 +24,7 @@ class Resolver(Protocol):
     """What binds numbers to the file's units, and collects faults."""
 
     @property
-    def rotary(self) -> frozenset[str]: ...  # names of drives that turn
+    def rotary(self) -> Turning: ...  # which drives turn
     def bound(self, written: WrittenNumber, unit: Unit, path: Path) -> float: ...
     def fault(self, code: str, message: str, path: Path, hint: str | None, at_key: bool = False) -> None: ...
 
@@ -38,7 +39,7 @@ def shape_units(at: str, rotary: bool) -> tuple[Unit, Unit, Unit]:
 def resolved_shape(resolver: Resolver, name: str, entries: WrittenEntries) -> Entries:
     """The entries in SI; faults are added at their places."""
     at = name.partition("@")[2]
-    along, deviation, square = shape_units(at, place_and_axis(at)[0] in resolver.rotary)
+    along, deviation, square = shape_units(at, resolver.rotary.at(place_and_axis(at)[0]))
     units = {"knots": along, "width": along, "values": deviation, "spread": deviation, "cov": square}
     out: Entries = {}
     for key, entry in entries.items():

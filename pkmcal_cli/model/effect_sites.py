@@ -197,7 +197,8 @@ def places(
     """Where an effect can sit and does something, by name; `all` where it can be the same at several places.
 
     `sessions`: those in one of which it can act; `groups`: those in which it can be the same. Of instruments, only such
-    of one group have the same everywhere.
+    of one group have the same everywhere. No number is both an angle and a length: then drives that turn and others do
+    not have the same one.
     """
     named = fitting(sites, effect, lambda site: _acts(effect, site))
     everywhere = tuple(s for sites_here in named.values() for s in sites_here)
@@ -211,8 +212,14 @@ def places(
     if effect.common and len(named) > 1:
         alike = {g: tuple(s for m in members for s in named[m]) for g, members in _some(named, groups or {}).items()}
         every = {ALL: everywhere} if effect.enters not in _AT_SENSORS or _in_one_group(named, groups or {}) else {}
-        named |= every | {g: members for g, members in alike.items() if g not in named}
+        common = every | {g: members for g, members in alike.items() if g not in named}
+        named |= {name: members for name, members in common.items() if _of_one_unit(effect, members)}
     return named | of_sessions
+
+
+def _of_one_unit(effect: Effect, sites: Sequence[EffectSite]) -> bool:
+    """Whether an effect has numbers of the same units at all effect sites."""
+    return not effect.turns_units or len({site.kind == "rotary" for site in sites}) < 2
 
 
 def together(

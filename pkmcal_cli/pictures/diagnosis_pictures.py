@@ -16,10 +16,12 @@ from pkmcal_cli.diagnosis.waterfall import waterfall
 from pkmcal_cli.pictures.error_map import PlaneErrors, error_map, errors_in_words, map_part, places_of
 from pkmcal_cli.pictures.parts import Part, composed, plain_log, size_text
 from pkmcal_cli.pictures.picture import AFTER, BEFORE, FITTED, NOISE, Picture, write_picture
+from pkmcal_cli.pictures.residual_picture import kind_part
 from pkmcal_cli.pictures.shape_picture import shape_in_words, shape_part
 from pkmcal_cli.pictures.titles import Titles, plain
 from pkmcal_cli.report.number_format import three_digits
 from pkmcal_cli.units.file_units import FileUnits
+from pkmcal_cli.units.measurands import Measurand
 from pkmcal_cli.units.unit_text import Unit
 
 if TYPE_CHECKING:
@@ -47,6 +49,8 @@ def diagnosis_pictures(diagnosis: Diagnosis, titles: Titles, units: FileUnits) -
         yield error_map([places], titles, units.length, f"errors-{places.plane}")
         if is_circle(places.at):
             yield circle_picture(places, titles, units.length, f"circle-{places.plane}")
+    if (shown := shown_part(diagnosis)) is not None:
+        yield composed("residuals", titles, _residuals_in_words(diagnosis), [shown])
     for panel in effect_panels(diagnosis):
         name = panel.finding.hypothesis.name
         yield composed(f"effect-{name}", titles, panel_in_words(panel), [driver_part(panel)])
@@ -65,24 +69,44 @@ def diagnosis_pictures(diagnosis: Diagnosis, titles: Titles, units: FileUnits) -
 def diagnosis_picture(diagnosis: Diagnosis, titles: Titles, units: FileUnits) -> Picture:
     """The same in one picture."""
     places = diagnosed_places(diagnosis)
-    parts = [*(map_part(p, units.length) for p in places), waterfall_part(diagnosis)]
+    shown = shown_part(diagnosis)
+    parts = [*(map_part(p, units.length) for p in places), *([] if shown is None else [shown])]
+    parts.append(waterfall_part(diagnosis))
     panels = effect_panels(diagnosis)
     parts += [driver_part(panel) for panel in panels]
     parts += [shape_part(shape, units) for shape in diagnosis.shapes]
     if diagnosis.findings:
         parts.append(rivals_part(diagnosis))
     error_words = [errors_in_words(places)] if places else []
+    error_words += [] if shown is None else [_residuals_in_words(diagnosis)]
     words = [*error_words, *(panel_in_words(p) for p in panels), *(shape_in_words(s) for s in diagnosis.shapes)]
     return composed("diagnosis", titles, " ".join(words), parts)
 
 
 def diagnosed_places(diagnosis: Diagnosis) -> list[PlaneErrors]:
     """Positions and errors, calibrated and with the effects found; none without positions."""
+    return places_of(diagnosis.problem, _stages(diagnosis))
+
+
+def _stages(diagnosis: Diagnosis) -> list[tuple[str, Array]]:
+    """Residuals (N, C), calibrated and with the effects found."""
     stages = [(_CALIBRATED, diagnosis.before.after.residual)]
     if diagnosis.findings or diagnosis.shapes:
         stage = _WITH if diagnosis.findings else _SHAPED
         stages.append((stage, diagnosis.search.fit.after.residual))
-    return places_of(diagnosis.problem, stages)
+    return stages
+
+
+def shown_part(diagnosis: Diagnosis) -> Part | None:
+    """Residuals of the kind whose errors are told, over the drives; None of positions, which have their own map."""
+    shown, channels = diagnosis.shown, diagnosis.problem.model.channels
+    if channels[shown.channels[0]].measurand is Measurand.POSITION or not diagnosis.problem.model.actuators:
+        return None
+    return kind_part(diagnosis.problem, shown.name, shown.channels, _stages(diagnosis))
+
+
+def _residuals_in_words(diagnosis: Diagnosis) -> str:
+    return f"Residuals of {diagnosis.shown.name} over the reading of each drive."
 
 
 def effect_panels(diagnosis: Diagnosis) -> list[DriverPanel]:

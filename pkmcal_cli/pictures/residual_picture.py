@@ -61,6 +61,18 @@ def residual_parts(problem: Problem, fit: Fit) -> list[Part]:
     return out
 
 
+def kind_part(problem: Problem, kind: str, columns: Sequence[int], stages: Sequence[tuple[str, Array]]) -> Part:
+    """Residuals of one kind (its `columns`) over the drives' readings, by stage: names and residuals (N, C), SI."""
+    series, looks = list[_Series](), list[tuple[str, str]]()
+    for (stage, residual), look in zip(stages, ((BEFORE, "o"), (AFTER, "s")), strict=False):
+        for k in columns:
+            name = stage if k == columns[0] else f"_{stage}"  # one entry in the legend
+            series.append(_Series(name, np.where(problem.measured[:, k], residual[:, k], np.nan)))
+            looks.append(look)
+    dimension = problem.model.channels[columns[0]].dimension
+    return _by_drive(problem, f"residual of {kind}", series, dimension, looks)
+
+
 def _length_part(problem: Problem, fit: Fit, after: Array) -> Part:
     """Measured less needed lengths of lines and legs, each over its own drive."""
     before = length_residuals(problem, fit.before.values)
@@ -84,7 +96,13 @@ def _length_part(problem: Problem, fit: Fit, after: Array) -> Part:
     return Part(_height(len(drives)), draw)
 
 
-def _by_drive(problem: Problem, quantity: str, series: Sequence[_Series], dimension: str) -> Part:
+def _by_drive(
+    problem: Problem,
+    quantity: str,
+    series: Sequence[_Series],
+    dimension: str,
+    looks: Sequence[tuple[str, str]] = LOOKS,
+) -> Part:
     """Panels of one kind, one for each drive."""
     unit = shown_unit(dimension, _typical([s.values for s in series]))
     drives = list(range(len(problem.model.actuators)))
@@ -95,9 +113,9 @@ def _by_drive(problem: Problem, quantity: str, series: Sequence[_Series], dimens
         for k, (ax, a) in enumerate(zip(axes, drives, strict=False)):
             drive_unit = parse_unit(problem.model.actuators[a].unit)
             x = drive_readings(problem)[:, a] / drive_unit.scale
-            for (colour, marker), one in zip(LOOKS, series, strict=False):
+            for (colour, marker), one in zip(looks, series, strict=False):
                 dots(ax, x[rows], one.values[rows] / unit.scale, colour, marker, plain(one.name))
-            for one in series[len(LOOKS) :]:
+            for one in series[len(looks) :]:
                 dots(ax, x[rows], one.values[rows] / unit.scale, NOISE, ".")
             ax.axhline(0, color=NOISE, lw=0.8)
             ax.set_xlabel(f"{problem.model.actuators[a].name} [{drive_unit.text}]")

@@ -168,7 +168,9 @@ class DiagnosisReport(VisibilityReport):
         if not rows:
             return
         to.say()
-        headers = ("effect", "at", "size", "share", "held-out rms", "evidence", "alternatives", "")
+        shown = self.diagnosis.shown
+        held_out = "held-out rms" if shown.alone else f"held-out rms, {shown.name}"
+        headers = ("effect", "at", "size", "share", held_out, "evidence", "alternatives", "")
         to.table(title, headers, rows, left=2, folded=("effect", "alternatives"), spare=("share", "evidence"))
 
     def title(self, hypothesis: Hypothesis) -> str:

@@ -35,6 +35,7 @@ class DiagnosisJson(DiagnosisValues):
             "chi2_per_dof_before": finite(diagnosis.cleared.chi2_per_dof),
             "chi2_per_dof_after": finite(diagnosis.search.fit.chi2_per_dof),
             "p_value": finite(diagnosis.p_global),
+            "kind": diagnosis.shown.name,
             "effects": [self._finding_json(f) for f in diagnosis.findings],
             "outliers": [self._row_json(row) for row in diagnosis.bad_rows],
             "bench": [reading.json() | {"used": False} for reading in self.bad_readings]

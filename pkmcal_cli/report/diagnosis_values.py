@@ -7,7 +7,6 @@ from functools import cached_property, partial
 import numpy as np
 
 from pkmcal_cli.diagnosis.bad_rows import doubtful_readings
-from pkmcal_cli.diagnosis.confirm import shown_channels
 from pkmcal_cli.diagnosis.findings import Finding
 from pkmcal_cli.diagnosis.panels import FieldMap, field_map
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
@@ -104,9 +103,8 @@ class DiagnosisValues:
 
     @property
     def error_unit(self) -> Unit:
-        """Unit of the errors that are told as one figure: of positions, else of the first dimension measured."""
-        shown = shown_channels(self.diagnosis.problem)
-        return unit_of(self.machine, self.model.channels[shown[0]].dimension)
+        """Unit of the errors that are told as one figure."""
+        return unit_of(self.machine, self.model.channels[self.diagnosis.shown.channels[0]].dimension)
 
     def error(self, value: float) -> str:
         """One such error."""
@@ -116,7 +114,7 @@ class DiagnosisValues:
     def sigma(self) -> float:
         """Root mean square sigma of these readings, SI."""
         problem = self.diagnosis.problem
-        some = shown_channels(problem)
+        some = list(self.diagnosis.shown.channels)
         sigma = problem.sigma[:, some][problem.measured[:, some]]
         return float(np.sqrt((sigma**2).mean())) if len(sigma) else float("nan")
 

@@ -58,6 +58,7 @@ class ImprovementReport(ImprovedFiles):
                 "low": finite(gain.low / unit.scale),
                 "high": finite(gain.high / unit.scale),
                 "unit": unit.text,
+                "kind": improvement.whole.shown.name,
             },
             **{key: diagnosis[key] for key in ("outliers", "bench", "down_weighted")},
             **self.diagnosis.failed.json(),
@@ -132,7 +133,7 @@ class ImprovementReport(ImprovedFiles):
         return ", ".join(f"{n} {self.estimate_text(n)}" for n in hypothesis.parameters)
 
     def _show_steps(self, to: Reporter) -> None:
-        kind = next(iter(self.improvement.before.report))
+        kind = self.improvement.whole.shown.name
         to.say()
         headers = ("effect", "rms fit", "rms selection", "rms report", "selected", "")
         to.table(f"Steps ({kind})", headers, self._step_rows(kind))
@@ -193,8 +194,9 @@ class ImprovementReport(ImprovedFiles):
         if improvement.whole.verdict in _NOTHING:
             lead = "not improved" if only and improvement.whole.verdict != "clean" else "nothing to improve"
             return f"{lead}: {_NOTHING[improvement.whole.verdict]}{only}"
-        positions = "position " if "position" in improvement.before.report else ""
-        interval = f"{positions}rms {rms_change(improvement.rms_gain, self.diagnosis.error_unit)}"
+        shown = improvement.whole.shown
+        kind = "" if shown.alone and shown.name != "position" else f"{shown.name} "
+        interval = f"{kind}rms {rms_change(improvement.rms_gain, self.diagnosis.error_unit)}"
         if not improvement.confirmed:
             why = f"\n{interval}" if improvement.accepted else ""
             return f"NOT IMPROVED: no effect is confirmed by rows used neither for fitting nor for selection{only}{why}"

@@ -31,17 +31,19 @@ class ResidualText:
         """Of the rows that are used, all figures; then what the bad ones add."""
         both = self._rms(), self.sigma
         rms_text, sigma_text = (readable(x, self.unit, like=max(both)) for x in both)
+        shown = self.diagnosis.shown
+        of = "" if shown.alone else f" of {shown.name}"
         return (
-            f"The residuals after calibration are {_times(self.diagnosis.cleared)}: {rms_text} rms "
+            f"The residuals after calibration are {_times(self.diagnosis.cleared)}: {rms_text} rms{of} "
             f"(sigma {sigma_text}{self._doubt_of_sigma()}, {self._chance()}).{self._with_bad()}"
         )
 
     def _rms(self) -> float:
-        """Root mean square error: of positions where they are measured, SI."""
+        """Root mean square error of the kind that is shown, SI."""
         problem, there = self.diagnosis.problem, self.diagnosis.cleared.after
         measured = problem.measured & np.isfinite(there.residual)
-        kinds = error_figures(replace(problem, measured=measured), there)
-        return kinds["position"].rms if "position" in kinds else next(iter(kinds.values())).rms
+        figures = error_figures(replace(problem, measured=measured), there)
+        return figures.get(self.diagnosis.shown.name, next(iter(figures.values()))).rms
 
     def _with_bad(self) -> str:
         """The same with what is not used."""

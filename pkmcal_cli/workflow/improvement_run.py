@@ -32,9 +32,8 @@ def improvement_run(
         overlay = Path(folder) / _IMPROVED
         overlay.write_text(report.overlay(os.path.abspath(machine)), encoding="utf-8")
         fingerprint = replace(fingerprint_of_improved(str(overlay), inputs), of=_IMPROVED)
-    gain, unit = result["after"], ""
-    kind = next(iter(gain), None)
-    if kind is not None and gain[kind]["rms"] is not None:
+    gain, unit, kind = result["after"], "", report.improvement.whole.shown.name
+    if kind in gain and gain[kind]["rms"] is not None:
         unit = f"{gain[kind]['rms']:.4g} {gain[kind]['unit']} (held out)"
     return Run(
         command="improve",

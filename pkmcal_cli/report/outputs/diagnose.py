@@ -30,6 +30,8 @@ noise_models[].p_value number?: of the hypothesis of no growth
 chi2_per_dof_before number?: after calibration, without effects and without the rejected rows
 chi2_per_dof_after number?: with the accepted effects
 p_value number?: of the same residuals, if sigma is as stated
+kind text: kind of readings of which errors are told as one figure: that with the largest residuals for its noise;
+    `position`, or the first, where all agree with it
 effects[].effect text: keyword, or `release` for a parameter that is held at nominal
 effects[].at text: place, or the parameter's name
 effects[].parameters[].name text: full name
@@ -49,7 +51,7 @@ effects[].runner_up?.effect text: the best hypothesis outside the credible set; 
     none, or the effect is far off
 effects[].runner_up.at text:
 effects[].runner_up.log_odds number?: natural logarithm of the odds against it
-effects[].heldout_rms number?: of the positions on rows held out by blocks, with all effects, in the effect's `unit`
+effects[].heldout_rms number?: of `kind`, on rows held out by blocks, with all effects, in the effect's `unit`
 effects[].heldout_rms_without number?: the same without this effect
 effects[].unit text: of both
 effects[].confirmed flag: whether the held-out gain exceeds its standard error

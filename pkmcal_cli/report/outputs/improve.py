@@ -50,11 +50,11 @@ channels_after.CHANNEL.unit text:
 channels_after.CHANNEL.count integer:
 chi2_before number?: mean square of the whitened residuals on the report rows
 chi2_after number?:
-improvement.value number?: reduction of the position rms on the report rows; without positions, of the first dimension
-    measured
+improvement.value number?: reduction of the rms of `improvement.kind` on the report rows
 improvement.low number?: 95 % interval, by block resampling
 improvement.high number?:
 improvement.unit text:
+improvement.kind text: kind of readings, as `kind` of `diagnose`
 outliers[].file text: rows not used at all
 outliers[].line integer?: null for a bench measurement, which is in the machine file
 outliers[].id text:
