@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.compiler.reference import ReferenceConfiguration
+from pkmcal_cli.compiler.coordinates import ReferenceConfiguration
 from pkmcal_cli.elements import LoadElement
 from pkmcal_cli.equilibrium.kinematics import State, advance, input_jacobian, offset_vectors_at, reference_state
 from pkmcal_cli.equilibrium.links import LinkMap

@@ -11,6 +11,7 @@ from pkmcal_cli.base.errors import BadInput, Fault
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.compiler import assemble as asm
 from pkmcal_cli.compiler.base_places import base_of
+from pkmcal_cli.compiler.coordinates import ReferenceConfiguration
 from pkmcal_cli.compiler.drawn_places import far_from_drawing
 from pkmcal_cli.compiler.drives import PlacedDrive, add_drive, as_travel
 from pkmcal_cli.compiler.effect_groups import effect_groups
@@ -20,7 +21,6 @@ from pkmcal_cli.compiler.members import add_members
 from pkmcal_cli.compiler.parameters import model_parameters
 from pkmcal_cli.compiler.physical import number_faults
 from pkmcal_cli.compiler.placed_effects import declared_effects
-from pkmcal_cli.compiler.reference import ReferenceConfiguration
 from pkmcal_cli.compiler.rope_faults import drawn_faults, pull_faults
 from pkmcal_cli.compiler.ropes import cables
 from pkmcal_cli.compiler.sensor_table import PlacedPoint, SensorTable

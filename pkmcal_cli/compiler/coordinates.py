@@ -9,11 +9,18 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array, exp
 from pkmcal_cli.compiler.axes import Vector, carried
-from pkmcal_cli.compiler.reference import ReferenceConfiguration
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.mechanism.builder import TopologyBuilder
 from pkmcal_cli.mechanism.connection_points import Number, Point
 from pkmcal_cli.mechanism.topology import GROUND, RotationKind
+
+
+@dataclass(frozen=True)
+class ReferenceConfiguration:
+    """The nominal one, closed: travels (m) and orientations (3, 3) by name that replace those of the file."""
+
+    translations: dict[str, float] = field(default_factory=dict)
+    orientations: dict[str, Array] = field(default_factory=dict)
 
 
 @dataclass(kw_only=True)

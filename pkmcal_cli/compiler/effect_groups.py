@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from pkmcal_cli.language.channels import kind_of_sensor
+from pkmcal_cli.language.effect_numbers import LINEAR, ROTARY
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.sections import driven_sections, sections_with
-from pkmcal_cli.language.turning import LINEAR, ROTARY
 from pkmcal_cli.model.effect_sites import EffectGroups, EffectSites
 from pkmcal_cli.yaml_source.tree import Path
 

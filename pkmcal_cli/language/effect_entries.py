@@ -13,10 +13,9 @@ from pkmcal_cli.base.errors import FaultList, did_you_mean
 from pkmcal_cli.effects import Effect, EffectParameter, Option, catalogue
 from pkmcal_cli.effects.unexplained import UNEXPLAINED
 from pkmcal_cli.language.binding import Binder, Slip
-from pkmcal_cli.language.effect_numbers import EffectNumber, Entries, WrittenEntries
+from pkmcal_cli.language.effect_numbers import EffectNumber, Entries, Turning, WrittenEntries
 from pkmcal_cli.language.quantities import WrittenNumber, WrittenValue, fault
 from pkmcal_cli.language.shape_entries import resolved_shape
-from pkmcal_cli.language.turning import Turning
 from pkmcal_cli.language.walk import with_values
 from pkmcal_cli.units.file_units import FileUnits
 from pkmcal_cli.units.limits import SMALLEST

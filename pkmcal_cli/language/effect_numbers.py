@@ -1,8 +1,9 @@
-"""A number of an effect, as a machine file writes it and in SI."""
+"""Numbers of an effect, as a machine file writes them and in SI; angles instead of lengths where things turn."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, TypeAlias
 
 from pydantic import Field
@@ -10,6 +11,9 @@ from pydantic import Field
 from pkmcal_cli.language.fields import Entity
 from pkmcal_cli.language.parts import NONE, ParameterValue
 from pkmcal_cli.language.quantities import F, WrittenNumber
+
+ROTARY, LINEAR = "rotary", "linear"
+"""How groups end whose drives turn, and whose drives move, where a machine has both."""
 
 
 class EffectNumber(Entity, Generic[F]):
@@ -53,3 +57,21 @@ class EffectNumber(Entity, Generic[F]):
 
 Entries = dict[str, EffectNumber]
 WrittenEntries: TypeAlias = "Mapping[str, EffectNumber[WrittenNumber]]"
+
+
+@dataclass(frozen=True)
+class Turning:
+    """Drives that turn, or sensors that read an angle, by name; groups: of the machine file."""
+
+    turns: Mapping[str, bool]
+    groups: Mapping[str, tuple[str, ...]]
+
+    def at(self, place: str) -> bool:
+        """Whether numbers of an effect at a place are those of what turns: at one, or at all of a group.
+
+        Groups that the file does not name are of one kind; those that turn beside others end so.
+        """
+        members = {*self.groups.get(place, ()), *place.split("+")} & self.turns.keys()
+        if not members and ROTARY in place.split("_"):
+            return True
+        return bool(self.turns) and all(self.turns[name] for name in members or self.turns)

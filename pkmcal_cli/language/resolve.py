@@ -14,6 +14,7 @@ from pkmcal_cli.language.checks.expected_dimensions import ExpectedDimension, ex
 from pkmcal_cli.language.checks.magnitudes import MagnitudeCheck, radian_warning
 from pkmcal_cli.language.checks.validation import Quarantine
 from pkmcal_cli.language.effect_entries import EffectResolver
+from pkmcal_cli.language.effect_numbers import Turning
 from pkmcal_cli.language.fields import Entity
 from pkmcal_cli.language.inference import Inference
 from pkmcal_cli.language.instruments import KINDS, Actuator
@@ -22,7 +23,6 @@ from pkmcal_cli.language.parameter_values import ParameterResolver, stated_dimen
 from pkmcal_cli.language.parts import Body, Frame, Guide, Load, Parameter
 from pkmcal_cli.language.quantities import Quantity, WrittenValue
 from pkmcal_cli.language.sensing import Sensor
-from pkmcal_cli.language.turning import Turning
 from pkmcal_cli.language.walk import replaced, written_values
 from pkmcal_cli.units.dimensions import ACCELERATION, ANGLE, FORCE, LENGTH, TORQUE, Dimension
 from pkmcal_cli.units.file_units import FileUnits

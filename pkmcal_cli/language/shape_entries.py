@@ -7,9 +7,8 @@ from typing import Any, Protocol
 
 from pkmcal_cli.base.errors import did_you_mean
 from pkmcal_cli.effects.unexplained import FreeShape, place_and_axis
-from pkmcal_cli.language.effect_numbers import EffectNumber, Entries, WrittenEntries
+from pkmcal_cli.language.effect_numbers import EffectNumber, Entries, Turning, WrittenEntries
 from pkmcal_cli.language.quantities import WrittenNumber
-from pkmcal_cli.language.turning import Turning
 from pkmcal_cli.language.walk import with_values
 from pkmcal_cli.units.limits import SMALLEST
 from pkmcal_cli.units.unit_text import Unit, parse_unit

@@ -10,9 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 from pkmcal_cli.base.errors import MAX_FAULTS, BadInput, Fault, UsageError
 from pkmcal_cli.base.files import sha256
-from pkmcal_cli.base.plural import count
+from pkmcal_cli.base.plural import count, listed
+from pkmcal_cli.compiler.assemble import coordinate_name
+from pkmcal_cli.compiler.paths import path_of
 from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine, load_parameters
 from pkmcal_cli.model.singular_drives import singular_drives
+from pkmcal_cli.prediction.drawn_stability import unstable_motion
 from pkmcal_cli.prediction.influence import idle_parameters
 from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.machine_report import machine_json, show_machine
@@ -21,10 +24,17 @@ from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.units.dimensions import ANGLE, LENGTH
 from pkmcal_cli.units.unit_text import Unit
 from pkmcal_cli.workflow.arguments import one_stdin
-from pkmcal_cli.workflow.unstable_drawing import unstable_faults
 
 if TYPE_CHECKING:
     from pkmcal_cli.tables.measurement_set import Measurements
+
+_SHARE = 0.3  # of the largest amount of a motion, from which on a coordinate is told
+_LISTED = 3
+_STIFFEN = (
+    "stiffen this motion (a stiffness, a member, a joint or a drive that holds it), reduce the load or the force that "
+    "drives it, or draw the pose that the machine falls to"
+)
+_TENSION = "set values that tension the ropes hold it, as `pkmcal correct` gives them; state `t_min` of the ropes"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -218,6 +228,24 @@ def idle_faults(loaded: LoadedMachine) -> list[Fault]:
         source.fault("idle-parameter", f"parameter `{name}` {finding}", ("parameters", name), hint, at_key=True)
         for name in names
     ]
+
+
+def unstable_faults(loaded: LoadedMachine) -> list[Fault]:
+    """The equilibrium in the reference configuration is a saddle of the energy: no machine stays there.
+
+    A warning where it does once its ropes are tensioned.
+    """
+    motion = unstable_motion(loaded.model)
+    if motion is None:
+        return []
+    topology, large = loaded.model.topology, abs(motion.amounts) >= _SHARE * abs(motion.amounts[0])
+    names = [coordinate_name(topology, int(k)) for k in motion.coordinates[large]]
+    message = f"the machine does not stay as it is drawn: this equilibrium is unstable in the {listed(names, _LISTED)}"
+    path = path_of(loaded.machine, names[0].rpartition(" ")[2])
+    if motion.slack:
+        message += ", with ropes that are slack"
+    hint = _TENSION if motion.slack else _STIFFEN
+    return [loaded.machine.source.fault("unstable", message, path, hint, at_key=True, warning=motion.slack)]
 
 
 def _read(loaded: LoadedMachine, paths: tuple[str, ...]) -> Measurements | BadInput:
