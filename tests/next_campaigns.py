@@ -5,7 +5,7 @@ simulator and added to the table; where the tool advises `improve`, one goes on 
 Compared with an even grid, and with a fixed D-optimal plan that knows beforehand what will happen: what is not declared
 counts as noise there, or is declared from the start. It would stop too early if the true error were beyond 1.96 times
 what is wanted in more than 5 % of runs. What it is compared with are medians of every fourth run. Without argument 200
-runs of each case (COST).
+runs of each case (two hours and a half of processor time).
 With `least` instead: rows below which no plan can be, by the c-optimal design of points in the box (Elfving 1952).
 """
 
