@@ -10,6 +10,7 @@ import pytest
 
 from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.effects import catalogue
+from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.loading.load_machine import load_machine
 from pkmcal_cli.model.effect_sites import places, together
 from pkmcal_cli.model.model import Model
@@ -42,6 +43,17 @@ def test_all_drives_that_turn_take_an_angle(tmp_path: Path, effect: str, number:
     assert np.array_equal(read[0], read[1]) and np.abs(read[0] - read[2]).max() > 1e-6
     (bare,) = (p for p in five_bar(tmp_path, "zero@all: {o: 0.1}").parameters if p.name == "zero@all.o")
     assert bare.nominal == pytest.approx(np.radians(0.1)) and bare.unit == "urad"
+
+
+def test_a_guide_is_long_though_all_drives_turn(tmp_path: Path) -> None:
+    """A displacement without a name is over millimetres there, and over degrees at a drive."""
+    shape = "width: 20 {0}, spread: 0.1 {0}, knots: [0 {0}, 25 {0}, 50 {0}], values: [0 {0}, 1 {0}, 0 {0}]"
+    for place, unit, known in (("rail.y", "mm", 0.05), ("q1", "deg", np.radians(50))):
+        file = tmp_path / f"{unit}.yaml"
+        effect = f"unexplained@{place}: {{{shape.format(unit)}}}"
+        file.write_text(f"extends: {MACHINES / 'five-bar.yaml'}\neffects: {{{effect}}}\n", encoding="utf-8")
+        (entries,) = read_machine(str(file)).effects.values()
+        assert entries["knots"].numbers == pytest.approx((0.0, known / 2, known))
 
 
 def test_a_length_at_all_drives_that_turn_is_refused(tmp_path: Path) -> None:

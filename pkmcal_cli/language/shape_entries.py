@@ -38,7 +38,8 @@ def shape_units(at: str, rotary: bool) -> tuple[Unit, Unit, Unit]:
 def resolved_shape(resolver: Resolver, name: str, entries: WrittenEntries) -> Entries:
     """The entries in SI; faults are added at their places."""
     at = name.partition("@")[2]
-    along, deviation, square = shape_units(at, resolver.rotary.at(place_and_axis(at)[0]))
+    turns = resolver.rotary.turns.get(place_and_axis(at)[0], False)  # not so a guide, whatever drives do
+    along, deviation, square = shape_units(at, turns)
     units = {"knots": along, "width": along, "values": deviation, "spread": deviation, "cov": square}
     out: Entries = {}
     for key, entry in entries.items():
