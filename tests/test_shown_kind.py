@@ -56,3 +56,17 @@ def test_where_all_is_noise_positions_are_told_of(tmp_path: Path) -> None:
     assert (done.json["verdict"], done.json["kind"]) == ("clean", "position")
     assert "um rms of position (sigma 10 um" in done.err
     assert not (tmp_path / "pictures" / "residuals.svg").exists()
+
+
+def test_rows_that_report_without_that_kind_tell_of_theirs(tmp_path: Path) -> None:
+    """The bar was put away before the rows for validation were measured."""
+    machine, table = measured(tmp_path, 0.04)
+    head, *rows = [line for line in table.read_text(encoding="utf-8").splitlines() if line[0] != "#"]
+    use, apart = tmp_path / "use.csv", tmp_path / "apart.csv"
+    use.write_text("\n".join([head, *rows[::2], ""]), encoding="utf-8")
+    without = [line.rpartition(",")[0] for line in (head, *rows[1::2])]
+    apart.write_text("\n".join([*without, ""]), encoding="utf-8")
+    done = clean(run("improve", machine, use, "--validation", apart, "--only", "meas_zero@bar", "--json"))
+    assert done.json["improvement"]["kind"] == "position" and set(done.json["before"]) == {"position"}
+    told = re.search(r"position rms (falls|rises) by [\d.]+ um, 95 % interval: -?[\d.]+ um to [\d.]+ um", done.err)
+    assert told is not None and "Steps (position)" in done.err

@@ -31,6 +31,7 @@ from pkmcal_cli.diagnosis.report_rows import Errors, Interval, OuterFold, errors
 from pkmcal_cli.diagnosis.rotations import begun_with, parts_of, rotations
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis, diagnose
 from pkmcal_cli.diagnosis.search_options import SearchOptions
+from pkmcal_cli.diagnosis.shown_kind import ShownKind, reported_kind
 from pkmcal_cli.diagnosis.unknown import Unknown
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import frozen
@@ -65,7 +66,7 @@ class Step:
 
 @dataclass(frozen=True, kw_only=True)
 class Improvement:
-    """The loop's result; `gain`: of the mean square whitened, `rms_gain` (SI) of positions; `fit`: on all rows.
+    """The loop's result; `gain`: of the mean square whitened, `rms_gain` (SI) of one kind; `fit`: on all rows.
 
     `broken`: what ended the loop early, if nobody had foreseen it; what was done before stands.
     """
@@ -78,6 +79,7 @@ class Improvement:
     after: Errors
     gain: Interval
     rms_gain: Interval
+    shown: ShownKind  # of which that is: on rows that report, another than of the diagnosis where they lack its kind
     fit: Fit
     budget: ErrorBudget  # of this fit
     problem: Problem
@@ -134,6 +136,7 @@ def improve(
     options = SearchOptions(alpha=alpha, seed=seed, observe=observe, workers=workers)
     first = rotations(candidates, parts_of(clean, validation), selected, options)
     begun = _Progress(first, errors_of(first), identify(clean, whole.search.declared, begun_with(candidates, clean)))
+    shown = reported_kind(whole.shown, [fold.report for fold in first])
     progress, broken = _all_tried(begun, clean, whole, options)
     fit, clean, budget = _at_last(_beside(clean, progress.accepted, whole), progress.last, loss)
     return Improvement(
@@ -144,7 +147,8 @@ def improve(
         before=begun.errors,
         after=progress.errors,
         gain=gain_of(first, progress.folds, seed),
-        rms_gain=rms_gain_of(first, progress.folds, whole.shown.channels, seed),
+        rms_gain=rms_gain_of(first, progress.folds, shown.channels, seed),
+        shown=shown,
         fit=fit,
         budget=budget,
         problem=clean,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +24,16 @@ class ShownKind:
     name: str
     channels: tuple[int, ...]
     alone: bool
+
+
+def reported_kind(shown: ShownKind, rows: Sequence[Problem]) -> ShownKind:
+    """The same where some of these rows measure it; else positions, or the first kind that they do measure."""
+    measured = np.any([p.measured.any(axis=0) for p in rows], axis=0)  # (C,)
+    if measured[list(shown.channels)].any():
+        return shown
+    kinds = kinds_of(rows[0].model).items()
+    name, some = next((name, some) for name, some in kinds if measured[some].any())
+    return ShownKind(name, tuple(some), alone=False)
 
 
 def shown_kind(problem: Problem, fit: Fit) -> ShownKind:

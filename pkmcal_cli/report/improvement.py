@@ -12,7 +12,7 @@ from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
 from pkmcal_cli.diagnosis.report_rows import Errors, Interval
 from pkmcal_cli.diagnosis.search import MOST_EFFECTS
 from pkmcal_cli.report.console import Reporter
-from pkmcal_cli.report.figures import figure_unit, figures_json, kind_label
+from pkmcal_cli.report.figures import figure_unit, figures_json, kind_label, unit_of
 from pkmcal_cli.report.improved_files import ImprovedFiles
 from pkmcal_cli.report.number_format import finite, readable, to_digits
 from pkmcal_cli.report.sentences import listed, tested_alone
@@ -38,7 +38,7 @@ class ImprovementReport(ImprovedFiles):
     # --- JSON ------------------------------------------------------------------------------
     def json(self, machine: str | None, parameters: str | None) -> dict[str, Any]:
         """The JSON result."""
-        improvement, unit = self.improvement, self.diagnosis.error_unit
+        improvement, unit = self.improvement, self._error_unit
         gain, diagnosis = improvement.rms_gain, self.diagnosis.json()
         return {
             "verdict": self.verdict,
@@ -58,7 +58,7 @@ class ImprovementReport(ImprovedFiles):
                 "low": finite(gain.low / unit.scale),
                 "high": finite(gain.high / unit.scale),
                 "unit": unit.text,
-                "kind": improvement.whole.shown.name,
+                "kind": improvement.shown.name,
             },
             **{key: diagnosis[key] for key in ("outliers", "bench", "down_weighted")},
             **self.diagnosis.failed.json(),
@@ -133,7 +133,7 @@ class ImprovementReport(ImprovedFiles):
         return ", ".join(f"{n} {self.estimate_text(n)}" for n in hypothesis.parameters)
 
     def _show_steps(self, to: Reporter) -> None:
-        kind = self.improvement.whole.shown.name
+        kind = self.improvement.shown.name
         to.say()
         headers = ("effect", "rms fit", "rms selection", "rms report", "selected", "")
         to.table(f"Steps ({kind})", headers, self._step_rows(kind))
@@ -146,8 +146,17 @@ class ImprovementReport(ImprovedFiles):
             yield (f"+ {step.hypothesis.name}", *self._three(step.errors, kind), chosen, _added(step))
 
     def _three(self, errors: Errors, kind: str) -> tuple[str, str, str]:
-        fit, choose, report = (readable(f[kind].rms, figure_unit(self.machine, f[kind])) for f in _parts(errors))
+        fit, choose, report = (self._rms(f.get(kind)) for f in _parts(errors))
         return fit, choose, report
+
+    def _rms(self, figures: ErrorFigures | None) -> str:
+        """One error; a dash where the rows have none of its kind."""
+        return "-" if figures is None else readable(figures.rms, figure_unit(self.machine, figures))
+
+    @property
+    def _error_unit(self) -> Unit:
+        """Unit of the errors by which the improvement is told."""
+        return unit_of(self.machine, self.model.channels[self.improvement.shown.channels[0]].dimension)
 
     def _show_errors(self, to: Reporter) -> None:
         before, after = self.improvement.before, self.improvement.after
@@ -194,9 +203,9 @@ class ImprovementReport(ImprovedFiles):
         if improvement.whole.verdict in _NOTHING:
             lead = "not improved" if only and improvement.whole.verdict != "clean" else "nothing to improve"
             return f"{lead}: {_NOTHING[improvement.whole.verdict]}{only}"
-        shown = improvement.whole.shown
+        shown = improvement.shown
         kind = "" if shown.alone and shown.name != "position" else f"{shown.name} "
-        interval = f"{kind}rms {rms_change(improvement.rms_gain, self.diagnosis.error_unit)}"
+        interval = f"{kind}rms {rms_change(improvement.rms_gain, self._error_unit)}"
         if not improvement.confirmed:
             why = f"\n{interval}" if improvement.accepted else ""
             return f"NOT IMPROVED: no effect is confirmed by rows used neither for fitting nor for selection{only}{why}"

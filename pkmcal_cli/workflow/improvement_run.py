@@ -32,7 +32,7 @@ def improvement_run(
         overlay = Path(folder) / _IMPROVED
         overlay.write_text(report.overlay(os.path.abspath(machine)), encoding="utf-8")
         fingerprint = replace(fingerprint_of_improved(str(overlay), inputs), of=_IMPROVED)
-    gain, unit, kind = result["after"], "", report.improvement.whole.shown.name
+    gain, unit, kind = result["after"], "", report.improvement.shown.name
     if kind in gain and gain[kind]["rms"] is not None:
         unit = f"{gain[kind]['rms']:.4g} {gain[kind]['unit']} (held out)"
     return Run(

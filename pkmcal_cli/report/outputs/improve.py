@@ -54,7 +54,7 @@ improvement.value number?: reduction of the rms of `improvement.kind` on the rep
 improvement.low number?: 95 % interval, by block resampling
 improvement.high number?:
 improvement.unit text:
-improvement.kind text: kind of readings, as `kind` of `diagnose`
+improvement.kind text: kind of readings, as `kind` of `diagnose`; another where the report rows have none of it
 outliers[].file text: rows not used at all
 outliers[].line integer?: null for a bench measurement, which is in the machine file
 outliers[].id text:
