@@ -130,9 +130,8 @@ def improve(
     clean = whole.problem  # without its bad rows, with its weights
     model = frozen(clean.model, clean.rows)  # shapes are spread over the whole table, whatever part of it is fitted
     candidates = _as_calibrated(replace(candidates, model=model, start=begun_at(whole, len(model.names))), whole)
-    model = with_shapes_of(model, whole)
-    clean = replace(clean, model=model)
-    validation = None if validation is None else replace(validation, model=model)
+    clean = replace(clean, model=with_shapes_of(model, whole))
+    validation = None if validation is None else replace(validation, model=clean.model)
     options = SearchOptions(alpha=alpha, seed=seed, observe=observe, workers=workers)
     first = rotations(candidates, parts_of(clean, validation), selected, options)
     begun = _Progress(first, errors_of(first), identify(clean, whole.search.declared, begun_with(candidates, clean)))
@@ -148,13 +147,8 @@ def improve(
         after=progress.errors,
         gain=gain_of(first, progress.folds, seed),
         rms_gain=rms_gain_of(first, progress.folds, shown.channels, seed),
-        shown=shown,
-        fit=fit,
-        budget=budget,
-        problem=clean,
-        alpha=alpha,
-        broken=broken,
-    )
+        shown=shown, fit=fit, budget=budget, problem=clean, alpha=alpha, broken=broken,
+    )  # fmt: skip
 
 
 def _as_calibrated(candidates: Candidates, whole: Diagnosis) -> Candidates:
