@@ -208,6 +208,7 @@ REFUSED = {
     "title line": ("Report 2021\nx;y\n1,5;2,5\n", "help: line 1 is read as the header"),
     "date": ("x,y\n2021-12-16,4\n", "help: use dates only in column `time`"),
     "no number of C": ("x,y\n1.#QNAN,4\n", "help: leave the cell empty"),
+    "semicolon for a mark": ("x,y\n12;5,4\n", "help: write the decimal mark as `.`: `12.5`"),
     "Fortran": ("x,y\n1d3,4\n", "help: write exponents with `e`: `1e3`"),
     "German date": ("x,y\n16.12.2021 10:30,4\n", "help: use dates only in column `time`"),
     "formula": ("x,y\n=1+1,4\n", "help: a spreadsheet's formula"),

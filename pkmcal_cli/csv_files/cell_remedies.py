@@ -66,6 +66,8 @@ def _marks(cell: str, decimal: str, column: str) -> Iterator[str]:
     other = "," if decimal == "." else "."
     if is_number(cell, other):
         yield f"write all numbers with the same decimal mark; this file has a {DECIMAL_NAMES[decimal]}"
+    if re.fullmatch(r"[+-]?[0-9]+;[0-9]+", cell):
+        yield f"write the decimal mark as `{decimal}`: `{cell.replace(';', decimal)}`"
     if cell[:1] in _MINUS and is_number(cell[1:], decimal):
         yield f"write the minus sign as `-`: `-{cell[1:]}`"
     bare = cell.lstrip("+-")
