@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.report import comparison
+from pkmcal_cli.report.comparison import Compared
 from tests.command import run
 
 MACHINE = """\
@@ -92,3 +95,16 @@ def test_changes_that_no_table_sees_are_in_the_uncertainty(pair: tuple[str, str]
     assert moved > 25 and tool["alone"] is None
     assert abs(tool["max"] - moved) < 2 * tool["std"] < moved + 25
     assert "u contains changes of half a range that no data see" in done.err
+
+
+@pytest.mark.parametrize(("rivals", "told"), [(0, "of one"), (2, "of all")])
+def test_one_parameter_stands_for_a_change_only_without_rivals(
+    rivals: int, told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(comparison, "likely_changes", lambda *_: "of all")
+    explaining = (SimpleNamespace(explains=True, estimate="of one"),) * (1 + rivals)
+    compared = SimpleNamespace(
+        test=SimpleNamespace(p_value=1e-6), alone=SimpleNamespace(equals=lambda _: explaining), named=lambda _: (),
+        common=None, free=(), course=SimpleNamespace(times=(0.0, 1.0)),
+    )  # fmt: skip
+    assert Compared.likely(compared, 0.01) == told  # type: ignore[arg-type]

@@ -11,6 +11,7 @@ from pkmcal_cli.diagnosis import refine
 from pkmcal_cli.diagnosis.refine import credible_set, final_evidence, set_of
 from pkmcal_cli.diagnosis.scoring import score_without
 from pkmcal_cli.diagnosis.stability import stability
+from pkmcal_cli.diagnosis.warming import alike_in_time
 from pkmcal_cli.report.diagnosis import DiagnosisReport
 from tests.benchmark.cases import case
 from tests.benchmark.setting import diagnosed, machine
@@ -109,3 +110,14 @@ def test_a_drift_that_the_table_tells_from_the_instruments_stands_alone() -> Non
     drive = Planted("zero_drift", "q1", {"o1": 60e-6})
     (finding,) = diagnosed(campaign("triglide", [drive], 3), 3).findings
     assert [r.hypothesis.name for r in finding.rivals] == ["zero_drift@q1"]
+
+
+def test_drifts_of_all_drives_together_imitate_any_drift_and_are_no_rivals_of_one() -> None:
+    """A drive's drift is that of the instrument, whichever of them was accepted."""
+    search = diagnosed(campaign("triglide", [], 3), 3).search
+    names = ("drift@tracker", "zero_drift@q1", "zero_drift@q2", "zero_drift@each", "backlash@q1")
+    some = {h.name: h for h in search.candidates.hypotheses if h.name in names}
+    for one, rivals in (("drift@tracker", {"zero_drift@q1", "zero_drift@q2"}), ("zero_drift@q1", {"drift@tracker"})):
+        alike = alike_in_time(search.problem, some[one], list(some.values()))
+        assert {name for name, yes in zip(some, alike, strict=True) if yes} == rivals
+    assert len(some) == len(names)

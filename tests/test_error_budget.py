@@ -228,18 +228,19 @@ def test_a_number_of_an_effect_that_is_held_in_a_range_of_its_own_adds_to_the_un
     assert sum(a > b for a, b in zip(adds["ranged"], adds["exact"], strict=True)) > 0
 
 
-def test_the_joint_covariance_has_the_tails_of_each_cause_so_that_sums_still_cancel() -> None:
+@pytest.mark.parametrize("noise", [1.0, 0.3])
+def test_the_joint_covariance_has_the_tails_of_each_cause_so_that_sums_still_cancel(noise: float) -> None:
     """A held parameter shifts an identified one by as much as it is off itself: their sum is known to the noise, which
     has no tails here, whatever those of the range are."""
     tails = np.array([1.0, 9.0, 1.0, 25.0, 1.0])[:, None]
     budget = ErrorBudget(
         names=("a",), held=("b",), instruments=("gauge",), data=np.array([[[1e-12]]]), by_own=np.zeros((1, 1)),
         by_held=np.array([[1e-3]]), half_ranges=np.full(2, 1e-3),
-        scales=Scales(variances=np.hstack([np.ones((5, 1)), tails]), noise=np.ones((5, 1)), factors={}),
+        scales=Scales(variances=np.hstack([np.ones((5, 1)), tails]), noise=np.full((5, 1), noise**2), factors={}),
         counts=np.ones(1), worth=np.ones(1), once=np.zeros(1, dtype=bool),
         share=HeldShare((), np.ones(1), np.zeros((1, 0, 0)), np.zeros((1, 0))),
     )  # fmt: skip
-    joint, factor = budget.joint_covariance, budget.std[0] / np.hypot(1e-3, 1e-6)
+    joint, factor = budget.joint_covariance, budget.std[0] / np.hypot(1e-3, noise * 1e-6)
     assert factor > 1.5, "the tails of the mixture"
     assert np.sqrt(np.diag(joint)) == pytest.approx([budget.std[0], factor * 1e-3])
-    assert np.sqrt(np.ones(2) @ joint @ np.ones(2)) == pytest.approx(1e-6, rel=1e-6)
+    assert np.sqrt(np.ones(2) @ joint @ np.ones(2)) == pytest.approx(noise * 1e-6, rel=1e-6)

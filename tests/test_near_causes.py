@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.diagnosis import far_causes
 from pkmcal_cli.diagnosis.first_fit import calibrated
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
@@ -33,13 +36,20 @@ def search(tmp_path_factory: pytest.TempPathFactory) -> Search:
 
 
 @pytest.fixture(scope="module")
-def accepted(search: Search) -> Search:
-    """The constant accepted as a cause of plausible size, as the search for far ones fits it."""
+def free(search: Search) -> tuple[Search, Fit]:
+    """The search from nominal values, and the fit with the constant of any size, as far causes are fitted."""
     begun, constant = far_causes._from_nominal(search), named(search, "meas_zero@ballbar")
     (start,) = far_causes._starts(begun, [constant], False)[constant]
     fit = far_causes._fit(begun, constant, start, 30)
     assert fit is not None
-    after = with_near_cause(begun, constant, fit)
+    return begun, fit
+
+
+@pytest.fixture(scope="module")
+def accepted(search: Search, free: tuple[Search, Fit]) -> Search:
+    """The constant accepted as a cause of plausible size."""
+    begun, fit = free
+    after = with_near_cause(begun, named(search, "meas_zero@ballbar"), fit)
     assert after is not None
     return after
 
@@ -56,6 +66,13 @@ def test_the_fit_with_it_is_that_of_its_usual_range(search: Search, accepted: Se
     value = fit.values[accepted.problem.model.names.index(constant.parameters[0])]
     assert abs(value + 1e-3 * BAR) < 4 * fit.std[k] < 10e-6
     assert not accepted.far_off and accepted.p_values["meas_zero@ballbar"] < 1e-9
+
+
+def test_a_cause_that_explains_less_within_its_range_is_left_to_linear_tests(
+    search: Search, free: tuple[Search, Fit]
+) -> None:
+    begun, fit = free
+    assert with_near_cause(begun, named(search, "meas_zero@ballbar"), replace(fit, chi2=0.7 * fit.chi2)) is None
 
 
 def test_rivals_are_judged_where_the_calibration_with_it_ends(search: Search, accepted: Search) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from pkmcal_cli.loading.load_machine import load_machine
+from pkmcal_cli.prediction import Rows
+from pkmcal_cli.workflow import borne_loads
 from tests.command import clean, column, run
 
 Array = NDArray[np.float64]
@@ -151,3 +155,20 @@ def test_ropes_without_a_least_tension_may_not_be_slack() -> None:
     there, back = written("p.csv")
     assert done.code == 0 and "slack ropes" not in done.err and tensions(there).min() > 0 and tensions(back).min() > 0
     assert len(there) > 20 and "skipped: " in done.err
+
+
+def test_a_way_on_which_nothing_balances_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Its ends and all but the middle of the way are all right."""
+    machine = tmp_path / "m.yaml"
+    machine.write_text(MACHINE, encoding="utf-8")
+    model = load_machine(str(machine)).model
+    rows = Rows.at(model.reference_readings[None].repeat(2, axis=0))
+    ways, plain, left = borne_loads.Ways.to(model, model.nominal, rows), borne_loads.BorneLoads.of, [1]
+
+    def lost_once(*arguments: object) -> borne_loads.BorneLoads:
+        borne = plain(*arguments)  # type: ignore[arg-type]
+        return replace(borne, lost=np.array([False, bool(left) and bool(left.pop())]))
+
+    assert not ways.refused(np.zeros((2, 3)), np.arange(2))
+    monkeypatch.setattr(borne_loads.BorneLoads, "of", lost_once)
+    assert ways.refused(np.zeros((2, 3)), np.arange(2)) == {1: borne_loads.LOST}
