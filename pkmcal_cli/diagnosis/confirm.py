@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.errors_before_after import point_squares
 from pkmcal_cli.calibration.holdout import replicate_groups
 from pkmcal_cli.calibration.identifiability import directions
 from pkmcal_cli.calibration.problem import Problem
@@ -27,7 +28,8 @@ _EDGE = 1e-6  # of a cell: a pose on the edge of two is in the upper one, whatev
 
 @dataclass(frozen=True)
 class HeldOutGain:
-    """Root mean square (m or rad, of `kind` channels) on rows held out by blocks, with all effects and without one.
+    """Root mean square (m or rad, of the shown kind's points or readings) on rows held out by blocks, with all effects
+    and without one.
 
     `gain` and its standard error over blocks: mean squares, whitened; `scheme` in words.
     """
@@ -71,11 +73,11 @@ def _held_out_gain(search: Search, hypothesis: Hypothesis) -> HeldOutGain:
     folds, on = np.unique(labels), on & there
     squares = np.where(on, white_without**2 - white_with**2, 0.0)
     gains = np.array([squares[labels == f].sum() / max(on[labels == f].sum(), 1) for f in folds])
-    kind = list((search.shown or shown_kind(search.problem, search.fit)).channels)
-    measured = on[:, kind]
+    kind = (search.shown or shown_kind(search.problem, search.fit)).channels
+    before, after = (point_squares(search.problem.model, kind, raw, on).mean() for raw in (raw_without, raw_with))
     return HeldOutGain(
-        float(np.sqrt((raw_with[:, kind][measured] ** 2).mean())),
-        float(np.sqrt((raw_without[:, kind][measured] ** 2).mean())),
+        float(np.sqrt(after)),
+        float(np.sqrt(before)),
         float(gains.mean()),
         float(gains.std(ddof=1) / np.sqrt(len(folds))) if len(folds) > 1 else float("inf"),
         scheme,

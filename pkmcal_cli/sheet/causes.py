@@ -19,8 +19,7 @@ _CORRELATED = 0.5  # from which on a correlation is worth a line
 _MOST = 5
 _POWER = 4  # of ten, from which on odds are told as such
 _BASIS = (
-    "Held-out rms of a cause: of single readings (each coordinate by itself), predicted from the other blocks of the "
-    "table with and without this cause. Position errors above are distances, so that they are larger. "
+    "Held-out rms of a cause: with and without this cause, each row predicted from the other blocks of the table. "
     "\"Times larger than the stated noise\": root of chi-square per degree of freedom, all readings together. "
     "Evidence: odds for the model with the cause against that without it, overwhelming above 20 000 : 1, clear above "
     "20 : 1."
