@@ -96,7 +96,8 @@ def run_correction(request: CorrectionRequest) -> int:
     more: dict[str, Any] = {}
     files: dict[str, str] = {}
     if written is not None and export is not None:
-        more = {"export": written.json(write_export(export, written, inputs, head, to))}
+        named, files = write_export(export, written, inputs, head, to)
+        more = {"export": written.json(named)}
     elif result is not None and len(result.correction.good):
         files = _write(request, made, head)
     if request.plot is not None:
