@@ -15,7 +15,7 @@ from pkmcal_cli.loading.printers.constants import ConstantReader, Line, Printer,
 _BEGIN = re.compile(r"\s*([Nn]\d+\s*)?[GMTgmt]\d")
 _COMMAND = re.compile(r"[GMgm](\d+(?:\.\d+)?)((?:\{[^}]*\}|[^GMgm{])*)")
 _MADE_OF = ("665", "666", "669")
-_ASIDE = re.compile(r"\"[^\"]*\"|\([^)]*\)")
+_APART = re.compile(r"\"[^\"]*\"|\([^)]*\)")
 _MACRO = re.compile(r"\s*[Mm]98\s+[Pp]\"(?:0:)?(?:/sys/)?([^\"]+)\".*")
 _WORD = re.compile(r"([A-Za-z])\s*(\{[^}]*\}|[^\sA-Za-z{]+(?:[eE][+-]?\d+)?)?")
 _ANCHORS = "ABCDI"
@@ -63,14 +63,14 @@ def read_reprapfirmware(lines: Sequence[Line], inputs: Mapping[str, str], notes:
 
 def _bare(line: str) -> str:
     """A line without texts in quotes and remarks, every character at its place."""
-    return _ASIDE.sub(lambda aside: " " * len(aside[0]), line).split(";", 1)[0].rstrip()
+    return _APART.sub(lambda match: " " * len(match[0]), line).split(";", 1)[0].rstrip()
 
 
 def _commands(line: str) -> list[re.Match[str]]:
     """Commands of a line that state kinematics."""
     text = _bare(line)
-    found = _COMMAND.finditer(text) if _BEGIN.match(text) else ()
-    return [command for command in found if command[1] in _MADE_OF]
+    every = _COMMAND.finditer(text) if _BEGIN.match(text) else ()
+    return [command for command in every if command[1] in _MADE_OF]
 
 
 def _words(lines: Sequence[Line]) -> Words:
