@@ -16,8 +16,16 @@ _CHANCE = 1.645  # standard deviations of a mean square, beyond which it is one 
 _LOGGED = {"T": "degC", "payload": "kg"}
 
 
-def evidence_of(problem: Problem, fit: Fit, errors: Mapping[str, ErrorFigures], fitted: bool) -> Evidence:
-    """Of the rows that were used; errors: by kind, of the rows that were `fitted`, or of rows held out."""
+def evidence_of(
+    problem: Problem,
+    fit: Fit,
+    errors: Mapping[str, ErrorFigures],
+    fitted: bool,
+    noise: Mapping[str, float] | None = None,
+) -> Evidence:
+    """Of the rows that were used; errors: by kind, of the rows that were `fitted`, or of rows held out; noise: what
+    makes these (`HeldOut.noise`), where it is known.
+    """
     used = problem.measured.any(axis=1)
     rows, drives = problem.rows.readings[used], problem.model.actuators
     columns = {a.name: (rows[:, k], a.unit) for k, a in enumerate(drives)}
@@ -28,14 +36,18 @@ def evidence_of(problem: Problem, fit: Fit, errors: Mapping[str, ErrorFigures], 
     known = {n: (c[np.isfinite(c)], u) for n, (c, u) in columns.items()}
     ranges = {n: (float(c.min()), float(c.max())) for n, (c, _) in known.items() if len(c)}
     share = len(fit.selected) / max(int(problem.measured.sum()), 1)  # a fit takes up as much of the noise
-    left = _unexplained(problem, errors, 1.0 - share if fitted else 1.0 + share)
+    left = _unexplained(problem, errors, 1.0 - share if fitted else 1.0 + share, noise or {})
     return Evidence(ranges, left, {n: u for n, (_, u) in columns.items()}, float(np.sqrt(fit.excess)))
 
 
-def _unexplained(problem: Problem, errors: Mapping[str, ErrorFigures], of_noise: float) -> dict[str, float]:
-    """Standard deviation, beyond noise, of one coordinate or length of each kind; `of_noise`: share that it makes.
+def _unexplained(
+    problem: Problem, errors: Mapping[str, ErrorFigures], of_noise: float, by_kind: Mapping[str, float]
+) -> dict[str, float]:
+    """Standard deviation, beyond noise, of one coordinate or length of each kind; `of_noise`: share that it makes, if
+    not known `by_kind`.
 
-    Nothing where noise by itself is as large in one of twenty tables.
+    Nothing where noise by itself is as large in one of twenty tables. Errors of rows that were held out together
+    depend on each other, the more the more the fit of the others adds to them, so that their mean scatters more.
     """
     out = {}
     for kind, columns in kinds_of(problem.model).items():
@@ -44,9 +56,10 @@ def _unexplained(problem: Problem, errors: Mapping[str, ErrorFigures], of_noise:
             continue
         on = problem.measured[:, columns]
         count = len(columns) if problem.model.channels[columns[0]].measurand.of_pose else 1
-        noise = of_noise * _noise(problem.sigma[:, columns][on])
+        share = by_kind.get(kind, of_noise)
+        noise = share * _noise(problem.sigma[:, columns][on])
         variance = figures.rms**2 / count - noise
-        if variance > noise * _CHANCE * np.sqrt(2.0 / max(int(on.sum()), 1)):
+        if variance > noise * max(share, 1.0) * _CHANCE * np.sqrt(2.0 / max(int(on.sum()), 1)):
             out[kind] = float(np.sqrt(variance))
     return out
 
