@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.stages import Observer, Stage, unobserved
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figures, pooled
+from pkmcal_cli.calibration.expected_noise import held_out_noise
 from pkmcal_cli.calibration.fit import Fit
-from pkmcal_cli.calibration.held_out_noise import held_out_noise
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate, lost_rows, predicted_part

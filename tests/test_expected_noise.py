@@ -1,20 +1,25 @@
-"""What noise makes of errors on held-out rows: by leaving rows out in a linear model, and no more is `unexplained`."""
+"""What noise makes of errors of fitted and held-out rows, by a linear model; no more than that is `unexplained`."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.expected_noise import fitted_noise
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.holdout import HeldOut, cross_validate
 from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.calibration.prior import prior_of_covariance
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.prediction import Rows, predict
 from pkmcal_cli.report.evidence import evidence_of
+from tests.campaign_tables import true_values, write_table
 from tests.campaigns import shipped
+from tests.command import MACHINES, run
 
 POINTS, SIGMA = 12, 1e-6
 LABELS = np.arange(POINTS) % 5
@@ -29,8 +34,8 @@ def campaign(seed: int) -> tuple[Problem, Fit, HeldOut]:
     return problem, fit, cross_validate(problem, fit, LABELS, "")
 
 
-def left_out(problem: Problem, fit: Fit) -> float:
-    """Mean square of errors of readings that a fit to the others predicts, in variances; derivatives by differences."""
+def slopes(problem: Problem, fit: Fit) -> Array:
+    """Derivatives (N, 2, p) of the readings, in their noise, by differences of predictions."""
     rows = Rows.at(problem.rows.readings)
 
     def readings(values: Array) -> Array:
@@ -41,7 +46,12 @@ def left_out(problem: Problem, fit: Fit) -> float:
         step = np.zeros(len(fit.values))
         step[problem.model.names.index(name)] = 1e-6
         columns.append((readings(fit.values + step) - readings(fit.values - step)) / 2e-6)
-    jacobian, total = np.stack(columns, axis=2) / SIGMA, 0.0
+    return np.asarray(np.stack(columns, axis=2) / SIGMA)
+
+
+def left_out(problem: Problem, fit: Fit) -> float:
+    """Mean square of errors of readings that a fit to the others predicts, in variances."""
+    jacobian, total = slopes(problem, fit), 0.0
     for fold in range(5):
         of_fold = np.equal(LABELS, fold)
         out, used = jacobian[of_fold].reshape(-1, 6), jacobian[~of_fold].reshape(-1, 6)
@@ -78,3 +88,31 @@ def test_one_in_twenty_tables_of_noise_leaves_something() -> None:
     assert np.mean(ratio) == pytest.approx(1, abs=4 * np.std(ratio) / np.sqrt(150))
     left = [evidence_of(problem, fit, held.after, False, held.noise).unexplained for problem, fit, held in made]
     assert np.mean([bool(each) for each in left]) == pytest.approx(0.05, abs=0.05)
+
+
+def test_noise_of_fitted_rows_is_that_of_the_linear_model() -> None:
+    """What is known besides takes part: six parameters of which half is known already take less of it."""
+    problem, fit, _ = campaign(0)
+    whole = slopes(problem, fit).reshape(-1, 6)
+    assert fitted_noise(problem, fit)["position"] == pytest.approx(1 - 6 / (2 * POINTS), abs=5e-3), "ranges say little"
+    known = np.linalg.inv(whole.T @ whole)
+    prior = prior_of_covariance(fit.selected, known, fit.values[[problem.model.names.index(n) for n in fit.selected]])
+    again = replace(problem, prior=prior)
+    fitted = identify(again, fit.selected)
+    left = np.linalg.inv(np.eye(len(whole)) + whole @ known @ whole.T)
+    assert left.trace() / len(whole) == pytest.approx(1 - 3 / (2 * POINTS), rel=1e-3)
+    assert fitted_noise(again, fitted)["position"] == pytest.approx(left.trace() / len(whole), rel=1e-3)
+
+
+def test_six_points_with_a_prior_leave_no_more_than_noise(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With more parameters than readings a fit takes less than all noise: something was said to be left every time."""
+    monkeypatch.chdir(tmp_path)
+    machine, left = str(MACHINES / "biglide.yaml"), 0
+    old = write_table(tmp_path / "old.csv", "biglide", true_values("biglide", 3), 1, 60)
+    assert run("calibrate", machine, old, "-o", "old.yaml", "-q", "--holdout", "none").code == 0
+    for seed in range(12):
+        six = write_table(tmp_path / "six.csv", "biglide", true_values("biglide", 3, l1=0.1e-3), 40 + seed, 6)
+        asked = ("calibrate", machine, six, "--prior", "old.yaml", "--loosen", "l1", "-o", "new.yaml", "--force", "-q")
+        assert run(*asked).code == 0
+        left += "\nunexplained:" in Path("new.yaml").read_text()
+    assert left <= 3
