@@ -47,3 +47,14 @@ def test_what_is_wrong_is_said(case: str, tmp_path: Path, monkeypatch: pytest.Mo
         arguments = [TRIGLIDE, "t.csv", "-p", "p.yaml"]
     done = clean(run("correct", *arguments))
     assert done.code == code and said in done.err, done.err
+
+
+def test_an_empty_cell_of_a_circumstance_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A column that is there is to be filled in; one that is not there is to be logged."""
+    monkeypatch.chdir(tmp_path)
+    heavy = "gravity: [0, -9.81]\neffects: {payload@tracker: {m: 1}}\n"
+    Path("m.yaml").write_text(f"extends: {BIGLIDE}\n{heavy}")
+    Path("t.csv").write_text("x,y,payload\n300,250,5\n310,250,\n")
+    done = clean(run("correct", "m.yaml", "t.csv"))
+    assert done.code == 3 and "needs the column `payload` in every row, and cells of it are empty" in done.err
+    assert "help: fill in the empty cells" in done.err

@@ -211,6 +211,31 @@ def test_what_reprapfirmware_has_calibrated() -> None:
     assert run("new", "--from", "-", "-o", "-", "-q", stdin=DELTA_G).out.count("180.679") == 1
 
 
+def test_remarks_and_several_commands_of_a_line() -> None:
+    """As the firmware reads them: a G or M outside of quotes begins a command, brackets and quotes hold none."""
+    text = (
+        'M550 P"Delta (M665 R1)" ; M665 R2\nN10 m665 R181.5 (four rods) L361.7 G90 M566 X900 M666 X0.25 Y0.5 (Z9)\n'
+        "M665 H470 X0.1 ; X7\nM208 S1 Z-0.2\nif global.m665 == 1\nset global.m666 = 3\n"
+    )
+    new(text, "config.g")
+    parameters = yaml.safe_load(Path("m.yaml").read_text())["parameters"]
+    names = ("radius", "rod_y", "height", "stop_x", "stop_y", "stop_z", "corner_x")
+    assert [parameters[n]["nominal"] for n in names] == [181.5, 361.7, 470, 0.25, 0.5, 0, 0.1]
+
+
+def test_macros_of_reprapfirmware_are_read_at_their_places() -> None:
+    Path("sys").mkdir()
+    Path("macros").mkdir()
+    Path("sys/towers.g").write_text("M665 R181.5\n")
+    Path("macros/stops").write_text("M666 X0.5\n")
+    macros = 'M98 P"/sys/towers.g"\nM98 P"0:/macros/stops" ; by hand\nM98 P"fans.g"\n'
+    Path("sys/config.g").write_text(f"{DELTA_G}{macros}M666 Y0.75\n")
+    done = run("new", "--from", "sys/config.g", "-o", "m.yaml")
+    parameters = yaml.safe_load(Path("m.yaml").read_text())["parameters"]
+    assert [parameters[n]["nominal"] for n in ("radius", "stop_x", "stop_y")] == [181.5, 0.5, 0.75]
+    assert done.code == 0 and 'not read: M98 P"fans.g"' in done.err
+
+
 # --- what cannot be read -----------------------------------------------------------------------------
 @pytest.mark.parametrize(
     ("text", "told"),
@@ -225,7 +250,7 @@ def test_what_reprapfirmware_has_calibrated() -> None:
         (PLAIN.replace("329.4", "120"), ["`arm_b` (120) is not longer than the radius (140.50)"]),
         ("[include a.cfg]\n[printer]\nmax_velocity: 3\n", ["no `kinematics`", "[include a.cfg]"]),
         (WINCH.replace("anchor_z: -100\n[stepper_b]", "[stepper_b]"), ["no `anchor_z` in section [stepper_a]"]),
-        ("M669 K1\n", ["in.cfg:1:6", "M669 K1 cannot be read"]),
+        ("M669 K9 X0 P200\n", ["in.cfg:1:6", "M669 K9 cannot be read", "by hand (docs/my-machine.md)"]),
         (DELTA_G.replace("H470.070 ", ""), ["in.cfg:3:", "M665 has no H"]),
         (DELTA_G.replace("L361.676:361.576:361.676", "L361.676:361.576"), ["M665 L has 2 numbers, not 1 or 3"]),
         (DELTA_G.replace("A0.00", "A0.11"), ["in.cfg:4:", "a tilt of the bed"]),

@@ -158,3 +158,12 @@ def test_it_goes_on_with_the_session_measured_last_and_says_so(tmp_path: Path) -
         assert {row[plan[0].index("session")] for row in plan[1:]} == {session}
     file.write_text(table(readings, values), encoding="utf-8")
     assert "they go on with session" not in run(*ask).err
+
+
+@pytest.mark.usefixtures("hasty")
+def test_what_two_rows_do_not_determine_is_so_told(tmp_path: Path) -> None:
+    readings, values, _ = campaign(CASES[0], 2, 4)
+    file = tmp_path / "two.csv"
+    file.write_text(table(readings[:2], values[:2]), encoding="utf-8")
+    done = run("plan", MACHINE, file, "--next", "--budget", 3, "--aim", "l1 1 um")
+    assert done.code == 1 and "NOT REACHED within 3 rows: l1 is undetermined, wanted 1 um" in done.err, done.err

@@ -85,6 +85,23 @@ def test_the_history_of_runs(folder: Path) -> None:
     assert rows[0] == rows[1] and len(rows[0]) == 5
 
 
+@pytest.mark.parametrize(
+    ("form", "suffix", "parts"),
+    [("csv", ".csv", ()), ("linuxcnc", ".comp", ("q1", "q2", "q3")), ("gcode-drives", ".ngc", ())],
+)
+def test_what_a_control_takes_is_kept(folder: Path, form: str, suffix: str, parts: tuple[str, ...]) -> None:
+    """All files that `correct --as` wrote, but for lines of remarks: whole, as with every run."""
+    grid = "x=250:450:4,y=220:320:4"
+    done = run("correct", "mine.yaml", "--grid", grid, "--as", form, "-o", f"new{suffix}", "--run", "runs", "-q")
+    assert done.code == 0
+    kept = only(folder)
+    for part in [f".{p}" for p in parts] or [""]:
+        texts = [f.read_text() for f in (folder / f"new{part}{suffix}", kept / f"export{part}{suffix}")]
+        plain = [[line for line in text.splitlines() if line[:1] not in "#;("] for text in texts]
+        assert plain[0] == plain[1] and len(plain[0]) > 2
+    assert run("compare", "runs", "--json").json["runs"][0]["intact"]
+
+
 def test_runs_are_compared(folder: Path) -> None:
     """Their machine is among their copies, so the tool point is predicted wherever they lie."""
     write_table(folder / "more.csv", "biglide", true_values("biglide", 1), 2, 40)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.stages import Observer, Stage, unobserved
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figures, pooled
+from pkmcal_cli.calibration.expected_noise import held_out_noise
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
@@ -32,13 +33,17 @@ VALUES_PER_PARAMETER = 3  # below this the hold-out is left out by default
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Figures before and after on held-out rows only, by kind; `scheme` in words; `folds` counted."""
+    """Figures before and after on held-out rows only, by kind; `scheme` in words; `folds` counted.
+
+    noise: mean square of errors that noise makes there over that of noise, by kind; none where it is not known.
+    """
 
     before: dict[str, ErrorFigures]
     after: dict[str, ErrorFigures]
     scheme: str
     folds: int
     failed: int  # folds whose fit did not converge
+    noise: Mapping[str, float] = field(default_factory=dict)
 
 
 def fold_labels(scheme: str, problem: Problem, measurements: Measurements) -> tuple[NDArray[np.intp], str]:
@@ -115,7 +120,8 @@ def cross_validate(
         before.append(error_figures(part, evaluate(part, fit.before.values, None, _states(fit.before, inside))))
     words = [scheme] + ([f"{', '.join(fitted_too)} fitted to the held-out rows"] if fitted_too else [])
     words += _lost_words(lost, len(problem))
-    return HeldOut(pooled(before), pooled(after), "; ".join(words), len(folds), failed)
+    noise = held_out_noise(problem, fit, labels)
+    return HeldOut(pooled(before), pooled(after), "; ".join(words), len(folds), failed, noise)
 
 
 def _lost_words(lost: int, rows: int) -> list[str]:

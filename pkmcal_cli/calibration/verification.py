@@ -23,6 +23,7 @@ from pkmcal_cli.calibration.point_errors import Judged, K, PointErrors, point_er
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate, linearise, lost_rows, reasons
 from pkmcal_cli.model.model import Model
+from pkmcal_cli.prediction.unknown_shapes import between_knots
 
 SIGNIFICANT = 0.01
 """Chance of errors so large below which readings and parameters do not agree."""
@@ -112,7 +113,9 @@ def verified(problem: Problem, values: Array, known: Known) -> Verification:
     root = _root(known.covariance[np.ix_(keep, keep)])
     evaluation = evaluate(problem, values, (*refitted, *names))
     problem = problem.without(lost_rows(problem, evaluation))
-    wider = replace(problem, sigma=np.hypot(problem.sigma, _unexplained(problem, known.unexplained)))
+    left = _unexplained(problem, known.unexplained)
+    left = np.hypot(left, np.sqrt(between_knots(problem.model, values, problem.rows, evaluation.start)))
+    wider = replace(problem, sigma=np.hypot(problem.sigma, left))
     near = linearise(wider, evaluation)
     frame, moved = near.jacobian[:, : len(refitted)], near.jacobian[:, len(refitted) :] @ root
     basis, response = _fitted(frame)
@@ -126,7 +129,7 @@ def verified(problem: Problem, values: Array, known: Known) -> Verification:
         values=values,
         on=problem.measured,
         errors=errors,
-        by_model=np.hypot(by_model, _unexplained(problem, known.unexplained)),
+        by_model=np.hypot(by_model, left),
         by_instrument=_of_measurement(problem, evaluation),
         by_side=_of_sides(problem, evaluation),
         alone=_alone(errors, basis, wider.sigma),

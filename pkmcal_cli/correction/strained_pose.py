@@ -15,6 +15,7 @@ from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_channels import ropes_of, with_loads
 from pkmcal_cli.prediction import Prediction, Request, Rows, WarmStart, predict
 from pkmcal_cli.prediction.turns import nearer_way_round
+from pkmcal_cli.prediction.unknown_shapes import by_unknown_shapes
 
 _ROTATION = ("rx", "ry", "rz")
 
@@ -97,6 +98,11 @@ class LoadedTool:
             by_force=slopes[:, force], tension=prediction.values[:, tension], by_tension=slopes[:, tension],
             energy=prediction.energy, by_energy=slopes[:, energy],
         )  # fmt: skip
+
+    def by_unknown_shapes(self, values: Array, rows: Rows, targets: Array, there: Prediction) -> tuple[Array, Array]:
+        """What shapes do not know between their knots, in standard deviations: to the tool (N, h, S), to forces."""
+        slopes = by_unknown_shapes(self.model, values, rows, there.start)
+        return self._tool(there.values, slopes, targets)[1], slopes[:, self._loads[0]]
 
     @cached_property
     def _loads(self) -> tuple[slice, slice, int]:

@@ -57,6 +57,8 @@ def spread(tool: LoadedTool, values: Array, aim: Aim, there: StrainedPose, rows:
         variances[1] += (0.5 * (ends[0].force - ends[1].force)) ** 2
     for k, variance in enumerate(_by_unknown_sides(tool, values, aim, rows, start)):
         variances[k] += variance
+    for k, by_shape in enumerate(tool.by_unknown_shapes(values, rows, aim.targets, there.prediction)):
+        variances[k] += (by_shape**2).sum(axis=2)
     variances[0] = variances[0] + np.where(tool.turning, known.unexplained[1], known.unexplained[0]) ** 2
     total = whole.sum(axis=1)
     share = np.divide(weak.sum(axis=1), total, out=np.zeros(len(total)), where=total > 0)

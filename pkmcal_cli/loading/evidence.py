@@ -33,6 +33,16 @@ class Evidence:
         """Whether more was left than chance explains."""
         return self.times_noise > 1.0
 
+    @property
+    def of_tool(self) -> tuple[float, float]:
+        """What is unexplained of a coordinate of the tool point, m, and of its orientation, rad.
+
+        Where no positions were measured, the largest of what lengths were.
+        """
+        left = dict(self.unexplained)
+        turning = left.pop("orientation", 0.0)
+        return left.get("position", max(left.values(), default=0.0)), turning
+
     def lines(self) -> list[str]:
         """As sections of a parameter file."""
         out = [f"{MEASURED}: # ranges of what was set and logged; `correct` reports what is outside"]

@@ -172,8 +172,9 @@ class SiteInputs(AtSite):
         column = next((self.table.columns[name] for name in names if name in self.table.columns), None)
         if column is None or np.isnan(column).any():
             message = f"effect `{self.placed.name}` needs the column {' or '.join(f'`{n}`' for n in names)}"
-            message += "" if column is None else " in every row"
-            hint = "log it with the measurement, or delete the effect from the machine file"
+            message += "" if column is None else " in every row, and cells of it are empty"
+            way = "log it with the measurement" if column is None else "fill in the empty cells"
+            hint = f"{way}, or delete the effect from the machine file"
             raise BadInput.single(message, Location(self.model.name), hint, "csv-missing")
         return np.asarray(column)
 

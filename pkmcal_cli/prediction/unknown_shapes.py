@@ -22,13 +22,18 @@ from pkmcal_cli.prediction.rows import Request, Rows, WarmStart
 
 
 def between_knots(model: Model, values: Array, rows: Rows, start: WarmStart | None) -> Array:
-    """Compute the variance (N, C) of the readings, SI, by what the values at the knots of shapes do not know of.
+    """Compute the variance (N, C) of the readings, SI, by what the values at the knots of shapes do not know of."""
+    return np.asarray((by_unknown_shapes(model, values, rows, start) ** 2).sum(axis=2))
 
-    Each site of a shape counts by itself; the others of its guide are elsewhere on it.
+
+def by_unknown_shapes(model: Model, values: Array, rows: Rows, start: WarmStart | None) -> Array:
+    """Compute what a standard deviation of each site of a shape (S) between its knots does to readings (N, C, S), SI.
+
+    Each site counts by itself; the others of its guide are elsewhere on it.
     """
     shaped = [(e, s) for e in model.effects if isinstance(e.effect, Unexplained) for s in e.sites]
     if not shaped:
-        return np.zeros((len(rows), len(model.channels)))
+        return np.zeros((len(rows), len(model.channels), 0))
     names = tuple(f"level {k}.size" for k in range(len(shaped)))
     levels = tuple(_level(e, site, name) for (e, site), name in zip(shaped, names, strict=True))
     parameters = tuple(
@@ -39,7 +44,7 @@ def between_knots(model: Model, values: Array, rows: Rows, start: WarmStart | No
     by_level = predict(wide, np.append(values, np.zeros(len(names))), rows, Request(parameters=names), start).jacobian
     assert by_level is not None
     missing = np.stack([_missing(e, SiteInputs(s, model, rows, e, None)) for e, s in shaped], axis=1)  # (N, S)
-    return np.asarray(np.einsum("ncs,ns->nc", by_level**2, missing))
+    return np.asarray(by_level * np.sqrt(missing)[:, None, :])
 
 
 def outside_knots(model: Model, rows: Rows) -> dict[str, int]:

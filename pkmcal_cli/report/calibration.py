@@ -289,9 +289,9 @@ class CalibrationReport:
     def parameter_file(self, provenance: dict[str, Any]) -> str:
         """Text of the parameter file."""
         entries = [ParameterEntry(r.name, r.value, r.std, r.unit, r.identified, r.note) for r in self.rows]
-        fitted = isinstance(self.held_out, str)
-        errors = self.after if isinstance(self.held_out, str) else self.held_out.after
-        seen = evidence_of(self.problem, self.fit, errors, fitted)
+        held_out = None if isinstance(self.held_out, str) else self.held_out
+        errors, noise = (self.after, None) if held_out is None else (held_out.after, held_out.noise)
+        seen = evidence_of(self.problem, self.fit, errors, held_out is None, noise)
         joint = correlations(self.model, self.budget)
         data = data_lines(self.model, self.weighed, self.fit, self.budget, entries)
         return dump_parameters(entries, joint, provenance, self.model.fingerprint, seen, data)

@@ -8,6 +8,7 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures, kinds_of
+from pkmcal_cli.calibration.expected_noise import fitted_noise
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.loading.evidence import Evidence
@@ -16,8 +17,16 @@ _CHANCE = 1.645  # standard deviations of a mean square, beyond which it is one 
 _LOGGED = {"T": "degC", "payload": "kg"}
 
 
-def evidence_of(problem: Problem, fit: Fit, errors: Mapping[str, ErrorFigures], fitted: bool) -> Evidence:
-    """Of the rows that were used; errors: by kind, of the rows that were `fitted`, or of rows held out."""
+def evidence_of(
+    problem: Problem,
+    fit: Fit,
+    errors: Mapping[str, ErrorFigures],
+    fitted: bool,
+    noise: Mapping[str, float] | None = None,
+) -> Evidence:
+    """Of the rows that were used; errors: by kind, of the rows that were `fitted`, or of rows held out; noise: what
+    makes these (`HeldOut.noise`), where it is known.
+    """
     used = problem.measured.any(axis=1)
     rows, drives = problem.rows.readings[used], problem.model.actuators
     columns = {a.name: (rows[:, k], a.unit) for k, a in enumerate(drives)}
@@ -27,15 +36,21 @@ def evidence_of(problem: Problem, fit: Fit, errors: Mapping[str, ErrorFigures], 
             columns[name] = (np.asarray(column)[used], _LOGGED.get(kind, ""))
     known = {n: (c[np.isfinite(c)], u) for n, (c, u) in columns.items()}
     ranges = {n: (float(c.min()), float(c.max())) for n, (c, _) in known.items() if len(c)}
-    share = len(fit.selected) / max(int(problem.measured.sum()), 1)  # a fit takes up as much of the noise
-    left = _unexplained(problem, errors, 1.0 - share if fitted else 1.0 + share)
+    share = len(fit.selected) / max(int(problem.measured.sum()), 1)
+    made = fitted_noise(problem, fit) if fitted else noise or {}
+    left = _unexplained(problem, errors, made, max(1.0 - share, 0.0) if fitted else 1.0 + share)
     return Evidence(ranges, left, {n: u for n, (_, u) in columns.items()}, float(np.sqrt(fit.excess)))
 
 
-def _unexplained(problem: Problem, errors: Mapping[str, ErrorFigures], of_noise: float) -> dict[str, float]:
-    """Standard deviation, beyond noise, of one coordinate or length of each kind; `of_noise`: share that it makes.
+def _unexplained(
+    problem: Problem, errors: Mapping[str, ErrorFigures], by_kind: Mapping[str, float], otherwise: float
+) -> dict[str, float]:
+    """Standard deviation, beyond noise, of one coordinate or length of each kind.
 
-    Nothing where noise by itself is as large in one of twenty tables.
+    by_kind: mean square of errors that noise makes over that of noise; `otherwise`: where that is not known. Nothing
+    where noise by itself is as large in one of twenty tables. Errors of rows that were held out together depend on each
+    other, the more the more the fit of the others adds to them, so that their mean scatters more; errors of fitted rows
+    have only the freedom that the fit leaves.
     """
     out = {}
     for kind, columns in kinds_of(problem.model).items():
@@ -44,9 +59,11 @@ def _unexplained(problem: Problem, errors: Mapping[str, ErrorFigures], of_noise:
             continue
         on = problem.measured[:, columns]
         count = len(columns) if problem.model.channels[columns[0]].measurand.of_pose else 1
-        noise = of_noise * _noise(problem.sigma[:, columns][on])
+        made = max(by_kind.get(kind, otherwise), 1e-9)
+        noise = made * _noise(problem.sigma[:, columns][on])
         variance = figures.rms**2 / count - noise
-        if variance > noise * _CHANCE * np.sqrt(2.0 / max(int(on.sum()), 1)):
+        scatter = np.sqrt(2.0 / max(int(on.sum()), 1)) * (made if made > 1.0 else made**-0.5)
+        if variance > noise * _CHANCE * scatter:
             out[kind] = float(np.sqrt(variance))
     return out
 

@@ -96,7 +96,8 @@ def run_correction(request: CorrectionRequest) -> int:
     more: dict[str, Any] = {}
     files: dict[str, str] = {}
     if written is not None and export is not None:
-        more = {"export": written.json(write_export(export, written, inputs, head, to))}
+        named, files = write_export(export, written, inputs, head, to)
+        more = {"export": written.json(named)}
     elif result is not None and len(result.correction.good):
         files = _write(request, made, head)
     if request.plot is not None:
@@ -255,14 +256,12 @@ def _known(model: Model, start: Start, stated: Conditions, evidence: Evidence) -
     if start.covariance is None:
         return None
     names, covariance = start.covariance
-    left = dict(evidence.unexplained)
-    turning = left.pop("orientation", 0.0)
     return KnownTo(
         names=names,
         covariance=covariance,
         half_ranges=0.5 * model.ranges[[model.names.index(n) for n in names]],
         conditions=stated.std,
-        unexplained=(left.get("position", max(left.values(), default=0.0)), turning),
+        unexplained=evidence.of_tool,
     )
 
 

@@ -1,4 +1,8 @@
-"""How sure the TCP is after a calibration, at every position: the parameters' covariance carried to its coordinates."""
+"""How sure the TCP is after a calibration, at every position, as `correct` tells it of its set values.
+
+The parameters' covariance carried to its coordinates, what shapes do not know between their knots, sides of approach
+that nobody knows, and what the calibration left beyond noise.
+"""
 
 from __future__ import annotations
 
@@ -11,24 +15,30 @@ import numpy as np
 
 from pkmcal_cli.base.errors import BadInput, Location, UsageError
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.loading.evidence import Evidence
 from pkmcal_cli.loading.load_machine import Start
 from pkmcal_cli.loading.poses import RowOrigin
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_channels import tcp_model
 from pkmcal_cli.prediction import Request, Rows, WarmStart, predict
 from pkmcal_cli.prediction.unknown_shapes import between_knots
+from pkmcal_cli.prediction.unknown_sides import side_sigma
 from pkmcal_cli.report.number_format import finite, three_digits
 from pkmcal_cli.units.measurands import Measurand
 
 
 @dataclass(kw_only=True)
 class ErrorMap:
-    """Standard uncertainties of TCP coordinates, block by block; `covariance` (p, p) of `names`, SI."""
+    """Standard uncertainties of TCP coordinates, block by block; `covariance` (p, p) of `names`, SI.
+
+    unexplained: what the calibration left beyond noise, of a coordinate, m, and of an orientation, rad.
+    """
 
     model: Model
     values: Array
     names: tuple[str, ...]
     covariance: Array
+    unexplained: tuple[float, float] = (0.0, 0.0)
     rows: int = 0
     squares: float = 0.0  # of the position's uncertainty, m^2
     worst: tuple[float, str] = (0.0, "")
@@ -48,7 +58,8 @@ class ErrorMap:
             )
             raise BadInput.single(message, Location(path), "write it with `pkmcal calibrate -o`", "parameters")
         names, matrix = start.covariance
-        return cls(model=tcp_model(model), values=start.values, names=names, covariance=matrix)
+        left = (start.evidence or Evidence({})).of_tool
+        return cls(model=tcp_model(model), values=start.values, names=names, covariance=matrix, unexplained=left)
 
     @cached_property
     def columns(self) -> list[tuple[str, str]]:
@@ -62,11 +73,17 @@ class ErrorMap:
         """Standard uncertainties (N,), SI, of each coordinate, of rows that are solved; there may be none."""
         if not places:
             return [np.zeros(0) for _ in self.columns]
-        prediction = predict(self.model, self.values, rows, Request(parameters=self.names), start)
+        travel = side_sigma(self.model, rows, dict(zip(self.model.names, self.values.tolist(), strict=True)))
+        request = Request(parameters=self.names, by_drive=travel is not None)
+        prediction = predict(self.model, self.values, rows, request, start)
         assert prediction.jacobian is not None
         variance = np.einsum("ncp,pq,ncq->nc", prediction.jacobian, self.covariance, prediction.jacobian)
         variance = variance + between_knots(self.model, self.values, rows, start)
-        u = np.sqrt(np.maximum(variance, 0.0))
+        if travel is not None:
+            assert prediction.by_drive is not None
+            variance += ((prediction.by_drive * (travel / self.model.gains)[:, None, :]) ** 2).sum(axis=2)
+        turning = [c.measurand is Measurand.ORIENTATION for c in self.model.channels]
+        u = np.hypot(np.sqrt(np.maximum(variance, 0.0)), np.where(turning, *self.unexplained[::-1]))
         self._count(u, places)
         return list(u.T)
 

@@ -51,6 +51,10 @@ class Export:
         named = Path(self.target).name not in ("", "..") and not takes_directly(self.target)
         return named and not os.path.isdir(self.target)
 
+    def kept_name(self, part: str) -> str:
+        """Name in a kept run of the file of a drive, or of the only one."""
+        return f"export{'.' * bool(part)}{part}{self.format.suffix}"
+
     def files(self, drives: Sequence[str]) -> dict[str, str]:
         """Names of files by part: NAME.DRIVE.SUFFIX where there is one for every drive."""
         if not self.format.parts:
@@ -91,8 +95,9 @@ def _one_line(text: str) -> str:
 
 def write_export(
     export: Export, report: ExportReport, inputs: Collection[str], head: Mapping[str, Any], to: Reporter
-) -> list[str]:
-    """Write all files, or none, and tell what remains; their names. Raises OutputError."""
+) -> tuple[list[str], dict[str, str]]:
+    """Write all files, or none, and tell what remains; their names, and what of them a kept run has. Raises
+    OutputError."""
     remarks = [*report.remarks(), f"written by pkmcal {__version__}", *provenance_lines(head)]
     texts = report.draft.texts(remarks)
     files = export.files(list(texts)) if export.format.parts else {"": export.target}
@@ -109,4 +114,4 @@ def write_export(
             file.write(texts[""])
     names = [name for name in files.values() if not is_stream(name)]
     report.show(to, names)
-    return names
+    return names, {export.kept_name(part): text for part, text in texts.items()}

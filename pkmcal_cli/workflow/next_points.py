@@ -96,7 +96,7 @@ class NextPoints:
         """The verdict first, then the points."""
         reached, unit = self.added.reached, parameter_unit(self.loaded.model, self._name)
         assert reached is not None
-        known = f"{self._name} is known to {_text(reached.before, unit)}"
+        known = f"{self._name} is {_text(reached.before, unit, 'known to ')}"
         aim = f"wanted {readable(reached.limit, unit)}"
         if self.status == "reached":
             to.say(f"REACHED with {count(self.rows, 'row')}: {known}, {aim}")
@@ -150,8 +150,8 @@ class NextPoints:
         }
 
 
-def _text(std: float, unit: Any) -> str:
-    return readable(std, unit) if math.isfinite(std) else "nothing (undetermined)"
+def _text(std: float, unit: Any, before: str = "") -> str:
+    return before + readable(std, unit) if math.isfinite(std) else "undetermined"
 
 
 def next_points(

@@ -1,6 +1,6 @@
 """config.g of RepRapFirmware: M665 and M666 of a linear delta, M669 K6 and M666 of a Hangprinter.
 
-Of several commands the last one counts, parameter by parameter. Commands:
+Of several commands the last one counts, parameter by parameter; a line may hold several: a G or M begins one. Commands:
 https://docs.duet3d.com/User_manual/Reference/Gcodes; source: https://github.com/Duet3D/RepRapFirmware.
 """
 
@@ -12,7 +12,11 @@ from collections.abc import Mapping, Sequence
 from pkmcal_cli.base.errors import Location
 from pkmcal_cli.loading.printers.constants import ConstantReader, Line, Printer, Stated
 
-_COMMAND = re.compile(r"\s*[Mm](66[569])(?![0-9.])(.*)")
+_BEGIN = re.compile(r"\s*([Nn]\d+\s*)?[GMTgmt]\d")
+_COMMAND = re.compile(r"[GMgm](\d+(?:\.\d+)?)((?:\{[^}]*\}|[^GMgm{])*)")
+_MADE_OF = ("665", "666", "669")
+_APART = re.compile(r"\"[^\"]*\"|\([^)]*\)")
+_MACRO = re.compile(r"\s*[Mm]98\s+[Pp]\"(?:0:)?(?:/sys/)?([^\"]+)\".*")
 _WORD = re.compile(r"([A-Za-z])\s*(\{[^}]*\}|[^\sA-Za-z{]+(?:[eE][+-]?\d+)?)?")
 _ANCHORS = "ABCDI"
 _DELTA, _HANGPRINTER = "3", "6"
@@ -22,11 +26,14 @@ Words = dict[tuple[str, str], Stated]
 
 def is_reprapfirmware(lines: Sequence[str]) -> bool:
     """Whether it is a file of RepRapFirmware that states kinematics."""
-    return any(_COMMAND.fullmatch(_bare(line)) for line in lines)
+    return any(_commands(line) for line in lines)
 
 
 def reprap_include(line: str) -> str | None:
-    """The file that a line reads: M501 what M500 has saved, with the latest calibration. None for other lines."""
+    """The file that a line reads: M501 what M500 has saved, with the latest calibration; M98 a macro, whose name is
+    one in the folder `/sys` of the file. None for other lines."""
+    if macro := _MACRO.fullmatch(line):
+        return f"..{macro[1]}" if macro[1].startswith("/") else macro[1]
     return "config-override.g" if _bare(line).split()[:1] == ["M501"] else None
 
 
@@ -42,7 +49,7 @@ def read_reprapfirmware(lines: Sequence[Line], inputs: Mapping[str, str], notes:
     number = _DELTA if kind is None else kind.text
     if number not in (_DELTA, _HANGPRINTER):
         assert kind is not None
-        hint = "K3 (linear delta) and K6 (Hangprinter) can be read"
+        hint = "K3 (linear delta) and K6 (Hangprinter) can be read; write other machines by hand (docs/my-machine.md)"
         reader.fault(f"kinematics M669 K{number} cannot be read", kind.where, hint, "kinematics")
         reader.faults.raise_if_any()
     find = _Finder(reader, words, min((s.where for s in words.values()), key=lambda w: w.line))
@@ -55,14 +62,22 @@ def read_reprapfirmware(lines: Sequence[Line], inputs: Mapping[str, str], notes:
 
 
 def _bare(line: str) -> str:
-    return line.split(";", 1)[0].rstrip()
+    """A line without texts in quotes and remarks, every character at its place."""
+    return _APART.sub(lambda match: " " * len(match[0]), line).split(";", 1)[0].rstrip()
+
+
+def _commands(line: str) -> list[re.Match[str]]:
+    """Commands of a line that state kinematics."""
+    text = _bare(line)
+    every = _COMMAND.finditer(text) if _BEGIN.match(text) else ()
+    return [command for command in every if command[1] in _MADE_OF]
 
 
 def _words(lines: Sequence[Line]) -> Words:
     """Parameters by command and letter."""
     out = Words()
     for line in lines:
-        if command := _COMMAND.fullmatch(_bare(line.text)):
+        for command in _commands(line.text):
             for word in _WORD.finditer(command[2]):
                 location = line.at(command.start(2) + word.start() + 1)
                 out[command[1], word[1].upper()] = Stated(word[2] or "", location)

@@ -1,0 +1,63 @@
+"""How large errors of fitted and of held-out rows are by noise and by what ranges leave open, if nothing else is wrong.
+
+In a linear model with readings A x + e, e of covariance 1, and offsets x of covariance P (half ranges, or what an
+earlier calibration knows), errors of fitted readings have the covariance 1 - A (A^T A + P^-1)^-1 A^T, and those of a
+fold g that the fit has not seen 1 + A_g (A^T A - A_g^T A_g + P^-1)^-1 A_g^T: more than 1 + p / n, since poses of a fold
+lie beside the others, and p may be a large share of n.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.condensed import is_long
+from pkmcal_cli.calibration.errors_before_after import kinds_of
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import linearise
+
+
+def fitted_noise(problem: Problem, fit: Fit) -> dict[str, float]:
+    """Mean square by kind of errors of fitted readings over that of their noise; none of a long table: it is 1."""
+    if is_long(problem) or not fit.selected:
+        return {}
+    by_row, whole = _information(problem, fit)
+    flat = by_row.reshape(-1, by_row.shape[2])
+    return _of_kinds(problem, -(flat * np.linalg.solve(whole, flat.T).T).sum(axis=1).reshape(by_row.shape[:2]))
+
+
+def held_out_noise(problem: Problem, fit: Fit, labels: NDArray[np.intp]) -> dict[str, float]:
+    """The same of errors of readings that were held out; labels (N,): folds."""
+    if is_long(problem) or not fit.selected:
+        return {}
+    by_row, whole = _information(problem, fit)
+    more = np.zeros(by_row.shape[:2])
+    for fold in np.unique(labels):
+        inside = by_row[labels == fold]
+        flat = inside.reshape(-1, by_row.shape[2])
+        spread = np.linalg.solve(whole - flat.T @ flat, flat.T).T.reshape(inside.shape)
+        more[labels == fold] = (inside * spread).sum(axis=2)
+    return _of_kinds(problem, more)
+
+
+def _information(problem: Problem, fit: Fit) -> tuple[Array, Array]:
+    """Whitened derivatives of the readings (N, C, p) by parameters in half ranges; A^T A + P^-1 (p, p)."""
+    half = 0.5 * problem.model.ranges[[problem.model.names.index(n) for n in fit.selected]]
+    jacobian = linearise(problem, fit.last).jacobian * half
+    count, width = problem.readings.shape
+    whole = jacobian.T @ jacobian  # with what is known besides the readings
+    if problem.prior is None:
+        whole += np.eye(len(half))
+    return jacobian[: count * width].reshape(count, width, -1), whole
+
+
+def _of_kinds(problem: Problem, more: Array) -> dict[str, float]:
+    """1 and what a fit adds (N, C) to the variance, on average of the readings of each kind."""
+    weight = np.where(problem.measured, np.nan_to_num(problem.sigma) ** 2, 0.0)
+    out = {}
+    for kind, columns in kinds_of(problem.model).items():
+        whole = float(weight[:, columns].sum())
+        out[kind] = 1.0 + (float((weight * more)[:, columns].sum()) / whole if whole > 0 else 0.0)
+    return out
