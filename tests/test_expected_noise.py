@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration.expected_noise import fitted_noise
+from pkmcal_cli.calibration.expected_noise import fitted_noise, reported_noise
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.holdout import HeldOut, cross_validate
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.prior import prior_of_covariance
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.prediction import Rows, predict
+from pkmcal_cli.report import improved_files
 from pkmcal_cli.report.evidence import evidence_of
 from tests.campaign_tables import true_values, write_table
 from tests.campaigns import shipped
@@ -67,6 +68,18 @@ def test_noise_of_held_out_rows_is_that_of_the_linear_model() -> None:
     assert held.noise["position"] == pytest.approx(expected, rel=0.01)
 
 
+def test_noise_of_rows_that_report_is_that_of_the_linear_model() -> None:
+    """Each fold by a fit of its own; sessions may differ in what is fitted: one parameter less makes less."""
+    problem, fit, _ = campaign(0)
+    parts = []
+    for fold in range(5):
+        train, report = (problem.take(np.nonzero(of)[0]) for of in (np.not_equal(LABELS, fold), np.equal(LABELS, fold)))
+        parts.append((train, identify(train, fit.selected), report))
+    assert reported_noise(parts)["position"] == pytest.approx(left_out(problem, fit), rel=0.02)
+    fewer = [(train, identify(train, fit.selected[:-1]), report) for train, _, report in parts]
+    assert 1.0 < reported_noise(fewer)["position"] < reported_noise(parts)["position"]
+
+
 def test_errors_that_noise_makes_are_not_unexplained() -> None:
     """A standard deviation more than the mean is nothing, an error as large as the noise itself twice is."""
     problem, fit, held = campaign(0)
@@ -116,3 +129,27 @@ def test_six_points_with_a_prior_leave_no_more_than_noise(tmp_path: Path, monkey
         assert run(*asked).code == 0
         left += "\nunexplained:" in Path("new.yaml").read_text()
     assert left <= 3
+
+
+def test_improve_states_what_is_left_beyond_the_noise_of_rows_that_report(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A constant that is not looked for is left over; not where noise is said to make a million times its variance."""
+    table = Path(write_table(tmp_path / "m.csv", "biglide", true_values("biglide", 3), 1, 60))
+    head, *lines = table.read_text(encoding="utf-8").splitlines()
+    bent = [line if k % 2 else shifted(line) for k, line in enumerate(lines)]
+    table.write_text("\n".join([head, *bent, ""]), encoding="utf-8")
+    better, left = tmp_path / "b.yaml", []
+    for noise in (1.0, 1e6):
+        monkeypatch.setattr(improved_files, "reported_noise", lambda parts, noise=noise: {"position": noise})
+        done = run("improve", MACHINES / "biglide.yaml", table, "--only", "scale@q1", "-q", "--force", "-o", better)
+        assert done.code == 1
+        _, _, after = better.with_name("b.params.yaml").read_text(encoding="utf-8").partition("unexplained:")
+        left.append("position:" in after)
+    assert left == [True, False]
+
+
+def shifted(line: str) -> str:
+    """A row of a table, its last reading 0.2 mm larger."""
+    *others, last = line.split(",")
+    return ",".join([*others, f"{float(last) + 0.2:.6f}"])

@@ -8,6 +8,8 @@ lie beside the others, and p may be a large share of n.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,7 +18,7 @@ from pkmcal_cli.calibration.condensed import is_long
 from pkmcal_cli.calibration.errors_before_after import kinds_of
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import linearise
+from pkmcal_cli.calibration.residual import evaluate, linearise
 
 
 def fitted_noise(problem: Problem, fit: Fit) -> dict[str, float]:
@@ -25,7 +27,7 @@ def fitted_noise(problem: Problem, fit: Fit) -> dict[str, float]:
         return {}
     by_row, whole = _information(problem, fit)
     flat = by_row.reshape(-1, by_row.shape[2])
-    return _of_kinds(problem, -(flat * np.linalg.solve(whole, flat.T).T).sum(axis=1).reshape(by_row.shape[:2]))
+    return _of_kinds([problem], [-(flat * np.linalg.solve(whole, flat.T).T).sum(axis=1).reshape(by_row.shape[:2])])
 
 
 def held_out_noise(problem: Problem, fit: Fit, labels: NDArray[np.intp]) -> dict[str, float]:
@@ -39,25 +41,43 @@ def held_out_noise(problem: Problem, fit: Fit, labels: NDArray[np.intp]) -> dict
         flat = inside.reshape(-1, by_row.shape[2])
         spread = np.linalg.solve(whole - flat.T @ flat, flat.T).T.reshape(inside.shape)
         more[labels == fold] = (inside * spread).sum(axis=2)
-    return _of_kinds(problem, more)
+    return _of_kinds([problem], [more])
+
+
+def reported_noise(parts: Sequence[tuple[Problem, Fit, Problem]]) -> dict[str, float]:
+    """The same of rows that no fit has seen; parts: fitted rows, their fit, rows that report; of one model."""
+    if any(is_long(fitted) or not fit.selected for fitted, fit, _ in parts):
+        return {}
+    more = list[Array]()
+    for fitted, fit, report in parts:
+        _, whole = _information(fitted, fit)
+        near = linearise(report, evaluate(report, fit.values, fit.selected)).jacobian[: report.readings.size]
+        flat = near * _half_ranges(fitted, fit)
+        more.append((flat * np.linalg.solve(whole, flat.T).T).sum(axis=1).reshape(report.readings.shape))
+    return _of_kinds([report for *_, report in parts], more)
+
+
+def _half_ranges(problem: Problem, fit: Fit) -> Array:
+    """Half ranges (p,), SI, of what was fitted."""
+    return np.asarray(0.5 * problem.model.ranges[[problem.model.names.index(n) for n in fit.selected]])
 
 
 def _information(problem: Problem, fit: Fit) -> tuple[Array, Array]:
     """Whitened derivatives of the readings (N, C, p) by parameters in half ranges; A^T A + P^-1 (p, p)."""
-    half = 0.5 * problem.model.ranges[[problem.model.names.index(n) for n in fit.selected]]
-    jacobian = linearise(problem, fit.last).jacobian * half
+    jacobian = linearise(problem, fit.last).jacobian * _half_ranges(problem, fit)
     count, width = problem.readings.shape
     whole = jacobian.T @ jacobian  # with what is known besides the readings
     if problem.prior is None:
-        whole += np.eye(len(half))
+        whole += np.eye(len(fit.selected))
     return jacobian[: count * width].reshape(count, width, -1), whole
 
 
-def _of_kinds(problem: Problem, more: Array) -> dict[str, float]:
-    """1 and what a fit adds (N, C) to the variance, on average of the readings of each kind."""
-    weight = np.where(problem.measured, np.nan_to_num(problem.sigma) ** 2, 0.0)
-    out = {}
-    for kind, columns in kinds_of(problem.model).items():
+def _of_kinds(problems: Sequence[Problem], more: Sequence[Array]) -> dict[str, float]:
+    """1 and what fits add (N, C), of each table, to the variance: on average of the readings of each kind."""
+    measured, sigma = (np.concatenate([getattr(p, of) for p in problems]) for of in ("measured", "sigma"))
+    weight = np.where(measured, np.nan_to_num(sigma) ** 2, 0.0)
+    added, out = weight * np.concatenate(more), {}
+    for kind, columns in kinds_of(problems[0].model).items():
         whole = float(weight[:, columns].sum())
-        out[kind] = 1.0 + (float((weight * more)[:, columns].sum()) / whole if whole > 0 else 0.0)
+        out[kind] = 1.0 + (float(added[:, columns].sum()) / whole if whole > 0 else 0.0)
     return out

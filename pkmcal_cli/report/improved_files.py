@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.expected_noise import reported_noise
 from pkmcal_cli.calibration.intervals import linear_intervals
 from pkmcal_cli.diagnosis.closed_loop import Improvement
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
@@ -116,7 +117,8 @@ class ImprovedFiles:
             unit, reason = parse_unit(p.unit or "1"), reasons.get(p.name, "")
             shown, known = None if std is None else std / unit.scale, std is not None and not is_weak(reason)
             entries.append(ParameterEntry(p.name, unit.from_si(value), shown, p.unit, known, reason))
-        seen = evidence_of(made.problem, fit, made.after.report, fitted=False)
+        noise = reported_noise([(fold.train, fold.fit, fold.report) for fold in made.after.folds])
+        seen = evidence_of(made.problem, fit, made.after.report, fitted=False, noise=noise)
         data = data_lines(self.model, made.problem, fit, made.budget, entries, effects)
         return dump_parameters(entries, correlations(self.model, made.budget), provenance, fingerprint, seen, data)
 
