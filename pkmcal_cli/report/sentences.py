@@ -107,7 +107,7 @@ STOPPED = {
 """Why fits end, in words."""
 
 
-def nothing_missing(chance: float) -> str:
+def no_cause(chance: float) -> str:
     """What is said of residuals in which nothing was found, by the chance of noise that is as large."""
     if chance < _UNLIKELY:
         return "no effect found; the residuals are larger than the stated noise, but not beyond doubt"
