@@ -95,6 +95,20 @@ def test_the_chance_that_is_told_is_that_on_which_the_words_rest(tmp_path: Path)
     assert ends is not None and 0 <= float(ends[1]) < 13.5 < float(ends[2]), "the planted size is in the interval"
 
 
+@pytest.mark.parametrize(
+    ("sigma", "words"),
+    [("9.9 um", "residuals agree with the stated noise"), ("9.5 um", "residuals are larger than the stated noise")],
+)
+def test_residuals_beyond_the_noise_agree_with_it_nowhere(sigma: str, words: str, tmp_path: Path) -> None:
+    """At 1.09 times the stated noise with 456 degrees of freedom a calibration is incomplete."""
+    machine = tmp_path / "m.yaml"
+    base = MACHINES / "triglide-nonredundant"
+    machine.write_text(f"extends: {base}.yaml\nsensors: {{tracker: {{sigma: {sigma}}}}}\n", encoding="utf-8")
+    for command in ("diagnose", "improve"):
+        done = run(command, machine, f"{base}.csv")
+        assert done.code == 0 and words in done.err, done.err
+
+
 def test_what_is_far_beyond_its_range_is_found_last_and_said_to_be_unusual(tmp_path: Path) -> None:
     """Play of 8 mm on a machine of 4 m whose lines are measured to 1 mm: a usual one of 0.3 mm nobody could see."""
     worn, table = tmp_path / "worn.yaml", tmp_path / "t.csv"

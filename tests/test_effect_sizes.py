@@ -88,6 +88,15 @@ def test_effects_on_a_crank(entry: str) -> None:
     np.testing.assert_allclose(found.values, ON_THE_CRANK[entry], rtol=0, atol=1e-11)
 
 
+@pytest.mark.parametrize("drive", ["ratio: 1/20", "ratio: -1/20, unit: {count: 1/32768 rev}", "scale: 0.05"])
+def test_a_gear_error_repeats_with_the_joint_not_with_its_motor(drive: str) -> None:
+    """An eccentric wheel on a joint: error of the joint's angle once a turn of the joint, behind any gear."""
+    built = model(CRANK.replace("{turns: arm}", f"{{turns: arm, {drive}}}") + "effects:\n  gear@q: {c1: 300 urad}\n")
+    readings = ANGLE * (-20 if "-1/20" in drive else 20)
+    found = predict(built, built.nominal, Rows(readings[:, None], np.full((4, 1), np.nan)))
+    np.testing.assert_allclose(found.values, tip(turned(np.cos, 300e-6, 1)), rtol=0, atol=1e-11)
+
+
 ON_THE_WIRE = {
     "preload@t: {f: 25 N}": (25.0, 0.0),
     "self_weight@all: {w: 0.5}": (-0.5 * 3 * 9.81, 0.0),

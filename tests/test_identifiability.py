@@ -7,6 +7,7 @@ rod's direction along the guide. Moving it moves T across rod 2, by 1 / sin of t
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -131,8 +132,7 @@ def test_the_command_tells_it(name: str, tmp_path: object) -> None:
         out.write(f"{','.join(a.name for a in machine.actuators)},x,y\n{','.join(repr(float(c)) for c in cells)}\n")
     done = run("calibrate", str(MACHINES / f"{name}.yaml"), file, "--select", "l1,xb1r", "--json", "--holdout", "none")
     result = json.loads(done.out)
-    assert done.code == 1
-    assert result["status"] == "converged"
+    assert (done.code, result["status"]) == (1, "converged")
     assert result["rank"] == 1
     for parameter in result["parameters"]:
         assert parameter["std"] is None
@@ -146,6 +146,9 @@ def test_the_command_tells_it(name: str, tmp_path: object) -> None:
     assert abs(sum_["value"] - true) < 4 * sum_["std"]
     assert 0.02 < sum_["std"] < 0.1, "the others, which are held, may be 0.1 mm off"
     assert "The data cannot separate these parameters." in done.err
+    told = re.search(r"; determined: l1 \+1, xb1r (\S+): (-?[\d.]+)\(\d+\) mm from nominal", done.err)
+    assert told and float(told[2]) == pytest.approx(0.04 - float(told[1]) * 0.07, abs=4 * sum_["std"])
+    assert float(told[2]) == pytest.approx(sum_["value"] - 300, abs=1e-3)
 
 
 def test_where_what_is_told_to_hold_is_held_the_others_are_seen() -> None:

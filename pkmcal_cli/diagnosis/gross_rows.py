@@ -18,12 +18,12 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, linearise
-from pkmcal_cli.diagnosis.outlying_rows import MOST, Tails
+from pkmcal_cli.diagnosis.outlying_rows import Tails
 from pkmcal_cli.diagnosis.rows_by_session import Index, RowsBySession, Steps
 from pkmcal_cli.prediction import WarmStart
 
 _TRIMMED = 0.25  # share of rows that the first fit leaves out
-_ALWAYS = 3  # rows that may be taken out of any table
+_ALWAYS, _MOST = 3, 0.1  # rows that may be taken out of any table, share of a larger one; more are an effect
 _FEWEST = 6  # rows
 _STARTS, _STEPS, _BEST = 300, 2, 10
 _SAMPLE = 2000  # rows of a long table on which starts are tried
@@ -46,13 +46,11 @@ def gross_rows(
     *,
     start: Array | None = None,
     states: WarmStart | None = None,
-    most: float = MOST,
 ) -> tuple[Rows, Fit | None]:
     """Rows that are beyond all noise, at a chance of alpha for the whole table, and the fit of the others, no bench.
 
     least: standard deviations, as the others scatter, that they are off at least. start (P,): values, SI, that fits
-    begin with and that held parameters have; default: nominal. states: of the rows there. most: share of a larger table
-    that may be gross; more is an effect.
+    begin with and that held parameters have; default: nominal. states: of the rows there.
     """
     problem, begin = problem.leaving_out(problem.once), problem.model.nominal if start is None else start
     values, fit = begin, None
@@ -62,7 +60,7 @@ def gross_rows(
         if len(by_row.rows) < _FEWEST:
             return (), None
         judged = _judged(by_row, _trimmed(by_row, seed), alpha, least)
-        if len(judged) > _most(len(by_row.rows), most):
+        if len(judged) > _most(len(by_row.rows)):
             return (), None
         if judged == gross:
             break
@@ -95,9 +93,9 @@ def _by_parameters(problem: Problem, by_row: RowsBySession, rows: Rows, fit: Fit
     return whole.usable and better and not set(whole.failed) & set(rows)
 
 
-def _most(rows: int, share: float) -> int:
+def _most(rows: int) -> int:
     """How many rows of a table may be gross; more are an effect."""
-    return min(max(_ALWAYS, int(share * rows)), int(_TRIMMED * rows))
+    return min(max(_ALWAYS, int(_MOST * rows)), int(_TRIMMED * rows))
 
 
 def _by_row(problem: Problem, values: Array, selected: tuple[str, ...], states: WarmStart | None) -> RowsBySession:

@@ -94,8 +94,6 @@ class Inputs(Protocol):
     @property
     def centred_travel(self) -> Array: ...  # of the drive from the middle of the travel `over`, m or rad
     @property
-    def reading(self) -> Array: ...  # of the drive's encoder, m or rad; `travel` is what it moves by, gain and all
-    @property
     def direction(self) -> Array: ...  # of the last motion of the drive, -1, 0, 1
     @property
     def temperature_rise(self) -> Array: ...  # temperature above `reference`, K

@@ -21,9 +21,9 @@ def _wave(at: Inputs, c: Any, s: Any) -> Any:
 
 
 def _eccentric(at: Inputs, c1: Any, s1: Any, c2: Any, s2: Any) -> Any:
-    angle, lever = at.reading, at.length
+    angle = at.travel  # of the joint, whatever the gear between it and the motor: turns of the motor are a `pitch`
     first = c1 * (np.cos(angle) - 1) + s1 * np.sin(angle)
-    return lever * (first + c2 * (np.cos(2 * angle) - 1) + s2 * np.sin(2 * angle))
+    return first + c2 * (np.cos(2 * angle) - 1) + s2 * np.sin(2 * angle)
 
 
 def _unwinding(at: Inputs, b: Any) -> Any:
@@ -150,7 +150,7 @@ GEAR = Effect(
             name=f"{part}{n}",
             unit="urad",
             range=400,
-            text=f"{word} of {n} time{'s' if n > 1 else ''} the angle",
+            text=f"{word} of {n} time{'s' if n > 1 else ''} the angle of the joint",
             order=n - 1,
         )
         for n in (1, 2)

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pkmcal_cli.base.errors import MAX_FAULTS, Fault, Location
 from pkmcal_cli.base.plural import count
@@ -25,6 +26,8 @@ from pkmcal_cli.units.measurands import Measurand
 
 _LARGE = 1e50  # standard uncertainties: whatever it is, it is no measurement
 _REACH = 20.0  # sizes of the machine: no TCP is as far away
+_APART = 3e3  # the same of readings beside each other; of a thousand, mm and um, hints tell more
+_REVOLUTION = 2 * np.pi  # of an angle, in place of the machine's size
 _SHOWN = 5  # groups of copied rows told one by one
 
 
@@ -37,12 +40,31 @@ def absurd_rows(problem: Problem, row_origin: Callable[[int], RowOrigin]) -> lis
         places = np.array([c.measurand is Measurand.POSITION and k not in anywhere for k, c in channels])
         reach = _REACH * problem.model.length + np.abs(problem.model.measured.reference[:3]).max()
         far |= problem.measured & places & (np.abs(problem.readings) > reach)
+        far |= problem.measured & ~places & _far_from_others(problem)
     faults = []
     for row, channel in np.argwhere(far)[:MAX_FAULTS]:
         name = problem.model.channels[channel].name
         fault = row_origin(int(row)).fault(f"the reading of `{name}` is far outside the machine")
         faults.append(replace(fault, hint="correct the cell or its unit, or leave the cell empty"))
     return faults
+
+
+def _far_from_others(problem: Problem) -> NDArray[np.bool_]:
+    """Lengths and angles (N, C) that are further from the others of their session than any slip of a unit explains.
+
+    An instrument that stands anywhere reads any coordinates, but alike ones; some write 9.91e37 for no reading.
+    Nor may they be far beside the scatter of the others, which is large where most of a column is in another unit.
+    """
+    size = {"length": problem.model.length, "angle": _REVOLUTION}
+    limits = np.array([size.get(c.dimension, np.inf) for c in problem.model.channels])
+    far = np.zeros(problem.readings.shape, dtype=bool)
+    for session in np.unique(problem.rows.session):
+        rows = np.nonzero(problem.rows.session == session)[0]
+        readings = np.where(problem.measured[rows], problem.readings[rows], np.nan)
+        some = np.nonzero(~np.isnan(readings).all(axis=0))[0]
+        off = np.abs(readings[:, some] - np.nanmedian(readings[:, some], axis=0))
+        far[np.ix_(rows, some)] = off > _APART * np.maximum(limits[some], np.nanmedian(off, axis=0))
+    return far
 
 
 def nothing_measured(loaded: LoadedMachine, problem: Problem) -> Fault:

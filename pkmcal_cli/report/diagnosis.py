@@ -25,7 +25,7 @@ from pkmcal_cli.report.effect_signs import sign_text
 from pkmcal_cli.report.noise_text import growth_text
 from pkmcal_cli.report.number_format import handy
 from pkmcal_cli.report.residual_text import ResidualText
-from pkmcal_cli.report.sentences import cause_effect_action, command, listed, tested_alone, unknown_sentence
+from pkmcal_cli.report.sentences import cause_effect_action, command, listed, no_cause, tested_alone, unknown_sentence
 from pkmcal_cli.report.shape_text import ShapeText
 from pkmcal_cli.report.visibility import VisibilityReport
 
@@ -92,7 +92,7 @@ class DiagnosisReport(VisibilityReport):
         named = len(diagnosis.findings) + len(diagnosis.named_shapes)
         depends = ", ".join(dict.fromkeys(u.depends_on for u in diagnosis.unknown))
         words = {
-            "clean": "the residuals agree with the stated noise",
+            "clean": no_cause(diagnosis.p_global),
             "sigma_too_small": _LIKE_NOISE if self.only is None else _NOT_AMONG,
             "found": _BEYOND
             if any(f.beyond for f in diagnosis.findings)

@@ -15,14 +15,12 @@ from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.figures import figure_unit, figures_json, kind_label, unit_of
 from pkmcal_cli.report.improved_files import ImprovedFiles
 from pkmcal_cli.report.number_format import finite, readable, to_digits
-from pkmcal_cli.report.sentences import listed, tested_alone
+from pkmcal_cli.report.sentences import listed, no_cause, tested_alone
 from pkmcal_cli.report.shape_text import ShapeText
 from pkmcal_cli.units.unit_text import Unit
 
-_NOTHING = {
-    "clean": "the residuals agree with the stated noise",
-    "sigma_too_small": "no effect found, although the residuals exceed the stated noise",
-}
+_NOTHING = ("clean", "sigma_too_small")
+_EXCEED = "no effect found, although the residuals exceed the stated noise"
 
 
 class ImprovementReport(ImprovedFiles):
@@ -202,7 +200,8 @@ class ImprovementReport(ImprovedFiles):
         only = tested_alone(self.diagnosis.only)
         if improvement.whole.verdict in _NOTHING:
             lead = "not improved" if only and improvement.whole.verdict != "clean" else "nothing to improve"
-            return f"{lead}: {_NOTHING[improvement.whole.verdict]}{only}"
+            clean = improvement.whole.verdict == "clean"
+            return f"{lead}: {no_cause(improvement.whole.p_global) if clean else _EXCEED}{only}"
         shown = improvement.shown
         kind = "" if shown.alone and shown.name != "position" else f"{shown.name} "
         interval = f"{kind}rms {rms_change(improvement.rms_gain, self._error_unit)}"

@@ -229,7 +229,10 @@ def determined_sums(
 
 
 def combination_text(model: Model, c: Combination, fit: Fit | None = None, covariance: Array | None = None) -> str:
-    """A combination in words: what is determined, with value, and that the members cannot be separated."""
+    """A combination in words: what is determined, and that the members cannot be separated.
+
+    Sums are offsets from nominal: of large lengths, coefficients of three digits would not give the sum that is stated.
+    """
     if c.kind == "weak":
         first_unit, name = parameter_unit(model, c.hold[0]), c.hold[0]
         data, both = handy(c.by_data, first_unit), handy(c.with_range, first_unit)
@@ -241,9 +244,15 @@ def combination_text(model: Model, c: Combination, fit: Fit | None = None, covar
         return f"{', '.join(c.names)}; determined: {len(c.determined)} combinations of them (see --json). {fix}"
     sums = []
     for coefficients, value, std, unit in determined_sums(model, c, fit, covariance):
-        terms = ", ".join(f"{n} {v:+.2f}" for n, v in coefficients.items())
-        sums.append(f"{terms}: {uncertain(value, std, unit)}")
+        off = value - sum(v * _nominal(model, n) for n, v in coefficients.items())
+        terms = ", ".join(f"{n} {v:+.3g}" for n, v in coefficients.items())
+        sums.append(f"{terms}: {uncertain(off, std, unit)} from nominal")
     return f"{', '.join(c.names)}; determined: {'; '.join(sums)}. {fix}"
+
+
+def _nominal(model: Model, name: str) -> float:
+    """Of a parameter, in its unit."""
+    return parameter_unit(model, name).from_si(float(model.nominal[model.names.index(name)]))
 
 
 def hold_text(c: Combination) -> str:

@@ -16,6 +16,7 @@ STANDS_ANYWHERE = (
 
 PARTLY = "{points} measured only in a part of the coordinates: judged by these alone."
 
+_UNLIKELY = 0.01  # chance of the residuals at which a calibration is incomplete: nothing may say then that they agree
 _NOUNS: dict[Entry, str] = {
     "command": "drive",
     "drive_force": "drive",
@@ -104,3 +105,10 @@ STOPPED = {
     "nothing": "",
 }
 """Why fits end, in words."""
+
+
+def no_cause(chance: float) -> str:
+    """What is said of residuals in which nothing was found, by the chance of noise that is as large."""
+    if chance < _UNLIKELY:
+        return "no effect found; the residuals are larger than the stated noise, but not beyond doubt"
+    return "the residuals agree with the stated noise"

@@ -25,7 +25,6 @@ from pkmcal_cli.report.odd_readings import OddReadings
 
 _CHANCE, _ODD = 3e-3, 6.0  # chance for the whole table, and standard deviations, from which on a row is no noise
 _GROSS = 18.0  # standard deviations from which on it spoils a fit by least squares
-_MOST = 0.1  # share of the rows; twice what a diagnosis takes out, since nothing is taken out here
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +46,7 @@ def beyond_noise(problem: Problem, selected: tuple[str, ...], start: Array, stat
 
     Found first: a fit that they spoil takes long, and its failure does not show them.
     """
-    rows, others = gross_rows(problem, selected, _CHANCE, 0, _ODD, start=start, states=states, most=_MOST)
+    rows, others = gross_rows(problem, selected, _CHANCE, 0, _ODD, start=start, states=states)
     far = () if others is None else _far(problem, rows, others)
     if not problem.once:
         return BeyondNoise(rows=tuple(sorted(rows)), far=far)
