@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from functools import partial
 
+from pkmcal_cli.base.errors import FaultList
+from pkmcal_cli.units.dimensions import ANGLE, LENGTH, Dimension
 from pkmcal_cli.units.unit_text import UnitError, parse_unit
-
-if TYPE_CHECKING:
-    from pkmcal_cli.yaml_source.tree import SourceNode
+from pkmcal_cli.yaml_source.tree import Path, SourceMap
 
 MEASURED, UNEXPLAINED = "measured", "unexplained"
 """Sections of a parameter file."""
@@ -65,38 +66,53 @@ class Evidence:
 _SHOWN = {"orientation": "urad"}
 
 
-def read_evidence(root: SourceNode) -> Evidence | None:
-    """The evidence of a parameter file; None where it says nothing. What cannot be read is not there."""
-    measured, left = root.child(MEASURED), root.child(UNEXPLAINED)
+_DIMENSIONS = {"position": LENGTH, "orientation": ANGLE}
+_TIMES = "times_noise"
+_AS_WRITTEN = "leave this section as `pkmcal calibrate -o` wrote it"
+
+
+def read_evidence(tree: SourceMap, faults: FaultList) -> Evidence | None:
+    """The evidence of a parameter file; None where it says nothing. What cannot be read is added to `faults`."""
+    measured, left = (_section(tree, name) for name in (MEASURED, UNEXPLAINED))
     if measured is None:
         return None
-    ranges, units = dict[str, tuple[float, float]](), dict[str, str]()
-    for name, entry in _map(measured).items():
-        low, high = (_number(entry, end) for end in ("low", "high"))
-        if low is not None and high is not None:
-            ranges[name] = (low, high)
-            units |= {name: str(entry["unit"])} if isinstance(entry, dict) and "unit" in entry else {}
-    plain = {} if left is None else _map(left)
-    stds = {kind: _number(entry, "std") for kind, entry in plain.items() if isinstance(entry, dict)}
-    times = plain.get("times_noise", 1.0)
-    return Evidence(
-        ranges,
-        {kind: value for kind, value in stds.items() if value is not None},
-        units,
-        times_noise=float(times) if isinstance(times, int | float) else 1.0,
-    )
+    number = partial(_number, tree, faults)
+    ranges = {name: (number(e, (MEASURED, name), "low"), number(e, (MEASURED, name), "high")) for name, e in measured}
+    kinds = [(kind, e) for kind, e in left or () if kind != _TIMES]
+    stds = {kind: number(e, (UNEXPLAINED, kind), "std", 0.0, _DIMENSIONS.get(kind)) for kind, e in kinds}
+    times = [number({_TIMES: e}, (UNEXPLAINED, _TIMES), _TIMES, 0.0) for kind, e in left or () if kind == _TIMES]
+    units = {name: str(e["unit"]) for name, e in measured if isinstance(e, dict) and "unit" in e}
+    return Evidence(ranges, stds, units, *times)
 
 
-def _map(node: SourceNode) -> dict[str, object]:
-    plain = node.plain()
-    return {str(k): v for k, v in plain.items()} if isinstance(plain, dict) else {}
+def _section(tree: SourceMap, name: str) -> list[tuple[str, object]] | None:
+    """Names and entries of a section; None without it."""
+    node = tree.root.child(name)
+    plain = None if node is None else node.plain()
+    return [(str(k), v) for k, v in plain.items()] if isinstance(plain, dict) else None
 
 
-def _number(entry: object, key: str) -> float | None:
-    """A number of an entry in SI."""
-    if not isinstance(entry, dict) or isinstance(entry.get(key), bool) or not isinstance(entry.get(key), int | float):
-        return None
+def _number(
+    tree: SourceMap,
+    faults: FaultList,
+    entry: object,
+    path: Path,
+    key: str,
+    least: float = -math.inf,
+    of: Dimension | None = None,
+) -> float:
+    """A number of an entry, SI; 0 where it, or its unit, is a fault."""
+    value, text = (entry.get(key), str(entry.get("unit", "1"))) if isinstance(entry, dict) else (None, "1")
     try:
-        return float(parse_unit(str(entry.get("unit", "1"))).to_si(float(entry[key])))
-    except UnitError:
-        return None
+        unit = parse_unit(text)
+        if of is not None and unit.dimension != of:
+            raise UnitError(f"`{path[-1]}` cannot be in `{text}`", _AS_WRITTEN)
+    except UnitError as error:
+        faults.add(tree.fault("unit", error.message, path, error.hint, at_key=True))
+        return 0.0
+    if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value < math.inf:
+        holder = "" if path[-1] == key else f" of `{path[-1]}`"
+        message = f"`{key}`{holder} must be a finite number" + (", not below 0" if least == 0 else "")
+        faults.add(tree.fault("value", message, path, _AS_WRITTEN, at_key=True))
+        return 0.0
+    return float(unit.to_si(float(value)))

@@ -116,6 +116,7 @@ def known_parameters(path: str) -> KnownParameters:
         except (TypeError, ValueError, OverflowError):
             message = f"`{name}` must have a finite `value`, and its `unit`"
             faults.add(tree.fault("value", message, ("parameters", name), _WRITE, at_key=True))
+    evidence = read_evidence(tree, faults)
     faults.raise_if_any()
     units = {name: p.unit.scale for name, p in entries.items()}
     names, covariance = _covariance(_plain(source.root, "correlations"), units)
@@ -132,7 +133,7 @@ def known_parameters(path: str) -> KnownParameters:
         created=_date(head.get("created")),
         measured=_span(head),
         inputs={str(k): str(v) for k, v in _map(head.get("inputs")).items()},
-        evidence=read_evidence(source.root),
+        evidence=evidence,
         ending=read_ending(source.root),
     )
 

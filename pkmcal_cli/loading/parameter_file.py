@@ -71,6 +71,7 @@ def read_parameters(path: str, parameters: Sequence[ModelParameter], machine: Fi
         raise BadInput([tree.fault("parameters", "this file has no map `parameters`", (), hint)])
     _unknown_keys(tree, source.root, (), _SECTIONS, faults)
     values, others = _values(tree, section.value, known, parameters, faults)
+    evidence = read_evidence(tree, faults)
     faults.raise_if_any()
     return ParameterFile(
         file=source.file,
@@ -81,7 +82,7 @@ def read_parameters(path: str, parameters: Sequence[ModelParameter], machine: Fi
         others=others,
         of_machine=of_machine,
         spoilt=not _is_whole(source.root.child("correlations")),
-        evidence=read_evidence(source.root),
+        evidence=evidence,
     )
 
 
