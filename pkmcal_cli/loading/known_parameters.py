@@ -107,16 +107,7 @@ def known_parameters(path: str) -> KnownParameters:
         faults.add(tree.fault("parameters", "this file has no map `parameters`", (), hint))
         faults.raise_if_any()
     assert section is not None and isinstance(section.value, dict)
-    entries: dict[str, KnownParameter] = {}
-    for name, node in section.value.items():
-        try:
-            entries[name] = _entry(node)
-        except UnitError as error:
-            faults.add(tree.fault("unit", error.message, ("parameters", name), error.hint, at_key=True))
-        except (TypeError, ValueError, OverflowError):
-            message = f"`{name}` must have a finite `value`, and its `unit`"
-            faults.add(tree.fault("value", message, ("parameters", name), _WRITE, at_key=True))
-    evidence = read_evidence(tree, faults)
+    entries, evidence = _entries(tree, section.value, faults), read_evidence(tree, faults)
     faults.raise_if_any()
     units = {name: p.unit.scale for name, p in entries.items()}
     names, covariance = _covariance(_plain(source.root, "correlations"), units)
@@ -136,6 +127,20 @@ def known_parameters(path: str) -> KnownParameters:
         evidence=evidence,
         ending=read_ending(source.root),
     )
+
+
+def _entries(tree: SourceMap, section: Mapping[str, SourceNode], faults: FaultList) -> dict[str, KnownParameter]:
+    """Parameters by name; what cannot be read is added to `faults`."""
+    entries: dict[str, KnownParameter] = {}
+    for name, node in section.items():
+        try:
+            entries[name] = _entry(node)
+        except UnitError as error:
+            faults.add(tree.fault("unit", error.message, ("parameters", name), error.hint, at_key=True))
+        except (TypeError, ValueError, OverflowError):
+            message = f"`{name}` must have a finite `value`, and its `unit`"
+            faults.add(tree.fault("value", message, ("parameters", name), _WRITE, at_key=True))
+    return entries
 
 
 def fitted_tables(known: KnownParameters, inputs: Mapping[str, str]) -> list[str]:
