@@ -88,6 +88,7 @@ def test_fewer_equations_than_unknowns_are_refused_before_the_fit() -> None:
     done = run("calibrate", TRIGLIDE, "one.csv", "-o", "p.yaml")
     assert done.code == 3 and "Parameters" not in done.err and not Path("p.yaml").exists()
     assert "error[under-determined]: too few equations: 2 equations, 9 unknowns, 7 null directions" in done.err
+    assert "--prior OLD.params.yaml" in done.err
     assert "cannot be separated" in done.err and "--select" in done.err
 
 

@@ -13,6 +13,10 @@ from pkmcal_cli.calibration.identifiability import Directions, combinations, dir
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.prediction import WarmStart
 
+_FEW = (
+    "measure more, identify fewer parameters (`--select`), or let an earlier calibration take part: "
+    "`pkmcal calibrate --prior OLD.params.yaml`"
+)
 _LISTED = 8  # null directions that are told one by one
 
 
@@ -67,7 +71,7 @@ def determinacy(
     known = 0 if problem.prior is None else len(problem.prior.rows)
     if problem.count + known < len(kept) and whole:  # else the fit tells which rows cannot be predicted
         message = f"too few equations: {_counts(problem, directions_, datum)}; undetermined: {_listed(directions_)}"
-        return Determinacy(kept, datum, message, "measure more, or identify fewer parameters (`--select`)")
+        return Determinacy(kept, datum, message, _FEW)
     return Determinacy(kept, datum)
 
 
