@@ -58,3 +58,15 @@ def test_an_empty_cell_of_a_circumstance_is_told(tmp_path: Path, monkeypatch: py
     done = clean(run("correct", "m.yaml", "t.csv"))
     assert done.code == 3 and "needs the column `payload` in every row, and cells of it are empty" in done.err
     assert "help: fill in the empty cells" in done.err
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("m", 1e-3), ("um", 1e3), ("in", 1 / 25.4)])
+def test_targets_in_another_unit_are_told(unit: str, factor: float, tmp_path: Path) -> None:
+    """A table without units is in those of the machine; where nothing is within reach so, the unit is named."""
+    rows = "".join(f"{x * factor:.6g},{y * factor:.6g}\n" for x, y in ((400, 300), (450, 280)))
+    table = tmp_path / "t.csv"
+    for head, told in (("x,y", True), (f"x [{unit}],y [{unit}]", False)):
+        table.write_text(f"{head}\n{rows}", encoding="utf-8")
+        done = run("correct", TRIGLIDE, table, "-o", tmp_path / "c.csv", "--force")
+        assert (done.code == 1) is told
+        assert (f"in {unit}, 2 of 2 targets would be within reach: state it in the header" in done.err) is told

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, get_args
 
+import numpy as np
+
 from pkmcal_cli.base.errors import UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.listener import Listener
+from pkmcal_cli.base.plural import count
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.assessment import Assessment, assessed
 from pkmcal_cli.correction.commanded_machine import CommandedMachine
 from pkmcal_cli.correction.commands import corrected, depends_on_sides, with_first_sides
@@ -33,6 +37,7 @@ from pkmcal_cli.pictures.titles import titles
 from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.correction import CorrectionReport
 from pkmcal_cli.report.provenance import provenance
+from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.arguments import one_stdin, present
 from pkmcal_cli.workflow.command_table import CommandTable
 from pkmcal_cli.workflow.conditions import Conditions, conditions
@@ -42,6 +47,7 @@ from pkmcal_cli.workflow.run_folder import Run, check_run, keep_run
 from pkmcal_cli.workflow.schedule_forms import DWELL, FEED, check_motion
 
 _COMMANDS = "commands.csv"
+_LENGTHS = ("m", "mm", "um", "in")
 _PROGRAMS = "gcode"  # how the names of formats begin that move the machine
 
 
@@ -171,9 +177,26 @@ def correction(request: CorrectionRequest, to: Listener, machine: LoadedMachine 
         targets = replace(targets, rows=with_first_sides(model, start.values, aim))
     with to.step("set values"):
         result = _assessed(model, start, targets, stated, request)
+    if not targets.grid and (result is None or not len(result.correction.good)):
+        for text in _in_another_unit(loaded, model, start.values, targets, choice):
+            to.warn(text)
     return Corrected(
         loaded, CorrectionReport(model=model, start=start, targets=targets, result=result, choice=choice)
     )
+
+
+def _in_another_unit(
+    loaded: LoadedMachine, model: Model, values: Array, targets: Targets, choice: Choice
+) -> Iterator[str]:
+    """Where no target is within reach: in which other unit of length they would be."""
+    assumed = loaded.machine.file_units.length
+    for unit in map(parse_unit, _LENGTHS):
+        poses = targets.poses * np.where(np.arange(6) < 3, unit.scale / assumed.scale, 1.0)
+        if unit.text != assumed.text:
+            made = corrected(model, values, Aim(poses=poses, held=targets.held, rows=targets.rows), choice)
+            if made is not None and len(made.good):
+                reached = f"{len(made.good)} of {count(len(targets), 'target')}"
+                yield f"warning: in {unit.text}, {reached} would be within reach: state it in the header, `x [{unit.text}]`"
 
 
 def _check_session(name: str, model: Model, start: Start, path: str | None) -> None:
