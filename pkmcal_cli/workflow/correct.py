@@ -195,8 +195,8 @@ def _in_another_unit(
         if unit.text != assumed.text:
             made = corrected(model, values, Aim(poses=poses, held=targets.held, rows=targets.rows), choice)
             if made is not None and len(made.good):
-                reached = f"{len(made.good)} of {count(len(targets), 'target')}"
-                yield f"warning: in {unit.text}, {reached} would be within reach: state it in the header, `x [{unit.text}]`"
+                reached = f"{len(made.good)} of {count(len(targets), 'target')} would be within reach"
+                yield f"warning: in {unit.text}, {reached}: state it in the header, `x [{unit.text}]`"
 
 
 def _check_session(name: str, model: Model, start: Start, path: str | None) -> None:
