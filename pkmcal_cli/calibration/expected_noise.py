@@ -18,7 +18,7 @@ from pkmcal_cli.calibration.condensed import is_long
 from pkmcal_cli.calibration.errors_before_after import kinds_of
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import evaluate, linearise
+from pkmcal_cli.calibration.residual import evaluate, linearise, lost_rows
 
 
 def fitted_noise(problem: Problem, fit: Fit) -> dict[str, float]:
@@ -48,13 +48,15 @@ def reported_noise(parts: Sequence[tuple[Problem, Fit, Problem]]) -> dict[str, f
     """The same of rows that no fit has seen; parts: fitted rows, their fit, rows that report; of one model."""
     if any(is_long(fitted) or not fit.selected for fitted, fit, _ in parts):
         return {}
-    more = list[Array]()
+    predicted, more = list[Problem](), list[Array]()
     for fitted, fit, report in parts:
         _, whole = _information(fitted, fit)
-        near = linearise(report, evaluate(report, fit.values, fit.selected)).jacobian[: report.readings.size]
+        there = evaluate(report, fit.values, fit.selected)
+        predicted.append(report.without(lost_rows(report, there)))
+        near = linearise(predicted[-1], there).jacobian[: report.readings.size]
         flat = near * _half_ranges(fitted, fit)
         more.append((flat * np.linalg.solve(whole, flat.T).T).sum(axis=1).reshape(report.readings.shape))
-    return _of_kinds([report for *_, report in parts], more)
+    return _of_kinds(predicted, more)
 
 
 def _half_ranges(problem: Problem, fit: Fit) -> Array:
