@@ -6,7 +6,9 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from pkmcal_cli.loading.load_machine import load_machine, load_parameters
 from tests.command import clean, column, run
 from tests.tripod import AT_ONCE, LATE, TRIPOD
 
@@ -47,3 +49,13 @@ def test_compared_values_have_uncertainties_and_units(tmp_path: Path) -> None:
         clean(run("calibrate", TRIPOD, table, "--holdout", "none", "-o", file))
     row = next(line for line in run("compare", *files).err.splitlines() if line.startswith("L3 "))
     assert re.match(r"L3 +700\.\d+\(\d+\) mm +(699|700)\.\d+\(\d+\) mm +-?[\d.]+\(\d+\) mm ", row), row
+
+
+def test_where_drives_in_counts_were_measured_is_known_to_a_correction(tmp_path: Path) -> None:
+    """A count is 0.5 um: the range of `q1` in the file is that of the table."""
+    file = tmp_path / "late.params.yaml"
+    clean(run("calibrate", TRIPOD, LATE, "--holdout", "none", "-o", file))
+    evidence = load_parameters(load_machine(str(TRIPOD)).model, str(file)).evidence
+    counts = [int(line.split(";")[2]) for line in LATE.read_text(encoding="utf-8").splitlines()[1:]]
+    assert evidence is not None
+    assert evidence.measured["q1"] == pytest.approx((0.5e-6 * min(counts), 0.5e-6 * max(counts)))

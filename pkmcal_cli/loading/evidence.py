@@ -50,7 +50,7 @@ class Evidence:
         for name, ends in self.measured.items():
             unit = parse_unit(self.units.get(name) or "1")
             low, high = (float(f"{unit.from_si(v):.9g}") for v in ends)
-            named = "" if unit.text == "1" else f", unit: {unit.text}"
+            named = "" if unit.text == "1" else f", unit: {unit.definition}"
             out.append(f"  {name}: {{low: {low!r}, high: {high!r}{named}}}")
         if self.unexplained:
             out.append(
