@@ -60,13 +60,25 @@ def test_an_empty_cell_of_a_circumstance_is_told(tmp_path: Path, monkeypatch: py
     assert "help: fill in the empty cells" in done.err
 
 
-@pytest.mark.parametrize(("unit", "factor"), [("m", 1e-3), ("um", 1e3), ("in", 1 / 25.4)])
-def test_targets_in_another_unit_are_told(unit: str, factor: float, tmp_path: Path) -> None:
-    """A table without units is in those of the machine; where nothing is within reach so, the unit is named."""
+@pytest.mark.parametrize(
+    ("unit", "factor", "stated"), [("m", 1e-3, "1000"), ("um", 1e3, "0.001"), ("in", 1 / 25.4, "25.4")]
+)
+def test_targets_in_another_unit_are_told(unit: str, factor: float, stated: str, tmp_path: Path) -> None:
+    """A table without units is in those of the machine, and a stated one may be wrong: the factor is named."""
     rows = "".join(f"{x * factor:.6g},{y * factor:.6g}\n" for x, y in ((400, 300), (450, 280)))
     table = tmp_path / "t.csv"
-    for head, told in (("x,y", True), (f"x [{unit}],y [{unit}]", False)):
+    for head, told in (("x,y", True), ("x [mm],y [mm]", True), (f"x [{unit}],y [{unit}]", False)):
         table.write_text(f"{head}\n{rows}", encoding="utf-8")
         done = run("correct", TRIGLIDE, table, "-o", tmp_path / "c.csv", "--force")
         assert (done.code == 1) is told
-        assert (f"in {unit}, 2 of 2 targets would be within reach: state it in the header" in done.err) is told
+        assert (f"warning: {stated} times as large, 2 of 2 targets would be within reach" in done.err) is told
+
+
+def test_only_coordinates_that_are_given_are_tried_in_another_unit(tmp_path: Path) -> None:
+    """A hexapod's height stays that of its reference, which nobody wrote in a wrong unit."""
+    table = tmp_path / "t.csv"
+    table.write_text("x [mm],y [mm]\n0.02,0.01\n20000,10000\n", encoding="utf-8")
+    assert "times as large" not in run("correct", MACHINES / "hexapod7.yaml", table, "-o", tmp_path / "c.csv").err
+    table.write_text("x [mm],y [mm]\n20000,10000\n", encoding="utf-8")
+    done = run("correct", MACHINES / "hexapod7.yaml", table, "-o", tmp_path / "d.csv")
+    assert "0.001 times as large, 1 of 1 target would be within reach" in done.err

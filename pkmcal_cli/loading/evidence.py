@@ -73,7 +73,7 @@ _AS_WRITTEN = "leave this section as `pkmcal calibrate -o` wrote it"
 
 def read_evidence(tree: SourceMap, faults: FaultList) -> Evidence | None:
     """The evidence of a parameter file; None where it says nothing. What cannot be read is added to `faults`."""
-    measured, left = (_section(tree, name) for name in (MEASURED, UNEXPLAINED))
+    measured, left = (_section(tree, faults, name) for name in (MEASURED, UNEXPLAINED))
     if measured is None:
         return None
     number = partial(_number, tree, faults)
@@ -85,11 +85,16 @@ def read_evidence(tree: SourceMap, faults: FaultList) -> Evidence | None:
     return Evidence(ranges, stds, units, *times)
 
 
-def _section(tree: SourceMap, name: str) -> list[tuple[str, object]] | None:
+def _section(tree: SourceMap, faults: FaultList, name: str) -> list[tuple[str, object]] | None:
     """Names and entries of a section; None without it."""
     node = tree.root.child(name)
-    plain = None if node is None else node.plain()
-    return [(str(k), v) for k, v in plain.items()] if isinstance(plain, dict) else None
+    if node is None:
+        return None
+    plain = node.plain()
+    if not isinstance(plain, dict):
+        faults.add(tree.fault("value", f"`{name}` must be a map", (name,), _AS_WRITTEN, at_key=True))
+        return None
+    return [(str(k), v) for k, v in plain.items()]
 
 
 def _number(
@@ -106,7 +111,7 @@ def _number(
     try:
         unit = parse_unit(text)
         if of is not None and unit.dimension != of:
-            raise UnitError(f"`{path[-1]}` cannot be in `{text}`", _AS_WRITTEN)
+            raise UnitError(f"the unit of `{path[-1]}` must be one of {of}", _AS_WRITTEN)
     except UnitError as error:
         faults.add(tree.fault("unit", error.message, path, error.hint, at_key=True))
         return 0.0

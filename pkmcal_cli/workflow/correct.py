@@ -31,6 +31,7 @@ from pkmcal_cli.loading.evidence import Evidence
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_parameters
 from pkmcal_cli.loading.targets import Targets, read_targets
 from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.pictures.correction_picture import correction_picture
 from pkmcal_cli.pictures.picture import Picture
 from pkmcal_cli.pictures.titles import titles
@@ -47,7 +48,7 @@ from pkmcal_cli.workflow.run_folder import Run, check_run, keep_run
 from pkmcal_cli.workflow.schedule_forms import DWELL, FEED, check_motion
 
 _COMMANDS = "commands.csv"
-_LENGTHS = ("m", "mm", "um", "in")
+_LENGTHS, _TRIED = ("m", "mm", "um", "in"), 50  # units that are mixed up; targets that are tried in them
 _PROGRAMS = "gcode"  # how the names of formats begin that move the machine
 
 
@@ -188,15 +189,16 @@ def correction(request: CorrectionRequest, to: Listener, machine: LoadedMachine 
 def _in_another_unit(
     loaded: LoadedMachine, model: Model, values: Array, targets: Targets, choice: Choice
 ) -> Iterator[str]:
-    """Where no target is within reach: in which other unit of length they would be."""
+    """Where no target is within reach: by which factor between units the first of them would be."""
     assumed = loaded.machine.file_units.length
-    for unit in map(parse_unit, _LENGTHS):
-        poses = targets.poses * np.where(np.arange(6) < 3, unit.scale / assumed.scale, 1.0)
-        if unit.text != assumed.text:
-            made = corrected(model, values, Aim(poses=poses, held=targets.held, rows=targets.rows), choice)
-            if made is not None and len(made.good):
-                reached = f"{len(made.good)} of {count(len(targets), 'target')} would be within reach"
-                yield f"warning: in {unit.text}, {reached}: state it in the header, `x [{unit.text}]`"
+    scaled = [c in targets.coordinates and c in DIRECTIONS[:3] for c in DIRECTIONS]  # others stand at the reference
+    few = np.arange(min(len(targets), _TRIED))
+    for factor in (parse_unit(text).scale / assumed.scale for text in _LENGTHS if text != assumed.text):
+        poses = targets.poses * np.where(scaled, factor, 1.0)
+        made = corrected(model, values, Aim(poses=poses, held=targets.held, rows=targets.rows).take(few), choice)
+        if made is not None and len(made.good):
+            reached = f"{len(made.good)} of {count(len(few), 'target')} would be within reach"
+            yield f"warning: {factor:.6g} times as large, {reached}: check the units of lengths in the header"
 
 
 def _check_session(name: str, model: Model, start: Start, path: str | None) -> None:
