@@ -161,3 +161,14 @@ def test_rows_do_not_feel_each_other(name: str) -> None:
     assert np.abs(together.values - alone).max() < 1e-13
     assert np.abs(together.values - again.values).max() < 1e-13
     assert again.steps <= 2 * len(readings) < together.steps
+
+
+@pytest.mark.parametrize("far", [1.0, 5.0, 10.0, 20.0, 1e3])
+def test_a_row_that_is_far_away_costs_the_others_nothing(far: float) -> None:
+    """An encoder that reads metres too much: the way there may take more steps than are allowed; only that row fails."""
+    machine = model("triglide-nonredundant")
+    readings = truth("triglide-nonredundant").inverse(poses_of("triglide-nonredundant", 12))
+    alone = predict(machine, machine.nominal, Rows.at(readings))
+    beside = predict(machine, machine.nominal, Rows.at(np.vstack([readings, [far, far]])))
+    assert alone.solved.all() and beside.solved.tolist() == [True] * 12 + [False]
+    assert np.abs(beside.values[:12] - alone.values).max() < 1e-13

@@ -27,6 +27,7 @@ _ALWAYS_SMALL = 1e-9  # steps below this size lead nowhere else
 _DIVERGED = 1e3  # a step of so many sizes of the machine, or rad, comes from a matrix without meaning
 _LUCKY = 3e-4  # a step that is shorter than this share of the last one says nothing of the next
 _UNDER_WAY = 1e-2  # accepted of a state from which another is begun, relative to the machine's size or in rad
+_STRIDES = 128  # of a row on its way, at most
 _ROUNDING = 1e-13  # a step this small, relative to the machine's size or in rad, is rounding
 
 
@@ -220,7 +221,7 @@ def follow(
     """Move solved rows from coefficients `start` to `target`: in one go, and by halved steps where that fails.
 
     `state` solves the rows at `start`; numbers: what `target` says, where that is known. A row that needs steps below
-    1/256 of the way keeps its failure.
+    1/256 of the way, or more than 128 of them, keeps its failure.
     """
     placed = place_prescribed(system.topology, target, state, free=system.free)
     final, status = newton(system, target if numbers is None else numbers, placed, length, options, effort)
@@ -229,12 +230,10 @@ def follow(
         return final, status
     origin = start(todo) if callable(start) else coefficients_of(start, todo)
     path = _Path(system, origin, coefficients_of(target, todo), state.take(todo), len(todo))
-    for _ in range(128):
+    while len(path.todo):
         rows, part = path.stride_on(length, options, effort)
         arrived = todo[rows]
         final, status[arrived] = final.put(arrived, part), RowStatus.SOLVED
-        if not len(path.todo):
-            break
     return final, status
 
 
@@ -243,7 +242,7 @@ class _Path:
 
     def __init__(self, system: System, origin: Array, goal: Array, state: State, rows: int) -> None:
         self.system, self.origin, self.goal, self.state = system, origin, goal, state
-        self.way, self.stride = np.zeros(rows), np.full(rows, 0.5)
+        self.way, self.stride, self.taken = np.zeros(rows), np.full(rows, 0.5), np.zeros(rows, dtype=int)
         self.open, self.todo = np.ones(rows, dtype=bool), np.arange(rows)  # rows under way, and their numbers
 
     def stride_on(self, length: float, options: NewtonOptions, effort: Effort) -> tuple[Index, State]:
@@ -266,7 +265,9 @@ class _Path:
         self.state = self.state.put(todo[good], moved.take(np.nonzero(good)[0]))
         self.way[todo[good]] = trial[good]
         self.stride[todo] *= np.where(good, 2.0, 0.5)
+        self.taken[todo] += 1
         arrived = good & (trial >= 1.0)
-        self.open[todo[arrived | (self.stride[todo] <= 1 / 512)]] = False
+        given_up = (self.stride[todo] <= 1 / 512) | (self.taken[todo] >= _STRIDES)  # each by itself: others wait for it
+        self.open[todo[arrived | given_up]] = False
         self.todo = self.open.nonzero()[0]
         return todo[arrived], moved.take(np.nonzero(arrived)[0])
