@@ -165,7 +165,7 @@ def test_rows_do_not_feel_each_other(name: str) -> None:
 
 @pytest.mark.parametrize("far", [1.0, 5.0, 10.0, 20.0, 1e3])
 def test_a_row_that_is_far_away_costs_the_others_nothing(far: float) -> None:
-    """An encoder that reads metres too much: the way there may take more steps than are allowed; only that row fails."""
+    """An encoder that reads metres too much: the way there may take more steps than are allowed."""
     machine = model("triglide-nonredundant")
     readings = truth("triglide-nonredundant").inverse(poses_of("triglide-nonredundant", 12))
     alone = predict(machine, machine.nominal, Rows.at(readings))
