@@ -242,7 +242,7 @@ class _Path:
 
     def __init__(self, system: System, origin: Array, goal: Array, state: State, rows: int) -> None:
         self.system, self.origin, self.goal, self.state = system, origin, goal, state
-        self.way, self.stride, self.taken = np.zeros(rows), np.full(rows, 0.5), np.zeros(rows, dtype=int)
+        self.way, self.stride, self.strides = np.zeros(rows), np.full(rows, 0.5), np.zeros(rows, dtype=int)
         self.open, self.todo = np.ones(rows, dtype=bool), np.arange(rows)  # rows under way, and their numbers
 
     def stride_on(self, length: float, options: NewtonOptions, effort: Effort) -> tuple[Index, State]:
@@ -265,9 +265,9 @@ class _Path:
         self.state = self.state.put(todo[good], moved.take(np.nonzero(good)[0]))
         self.way[todo[good]] = trial[good]
         self.stride[todo] *= np.where(good, 2.0, 0.5)
-        self.taken[todo] += 1
+        self.strides[todo] += 1
         arrived = good & (trial >= 1.0)
-        given_up = (self.stride[todo] <= 1 / 512) | (self.taken[todo] >= _STRIDES)  # each by itself: others wait for it
-        self.open[todo[arrived | given_up]] = False
+        abandoned = (self.stride[todo] <= 1 / 512) | (self.strides[todo] >= _STRIDES)  # each by itself: others wait for it
+        self.open[todo[arrived | abandoned]] = False
         self.todo = self.open.nonzero()[0]
         return todo[arrived], moved.take(np.nonzero(arrived)[0])
