@@ -267,7 +267,7 @@ class _Path:
         self.stride[todo] *= np.where(good, 2.0, 0.5)
         self.strides[todo] += 1
         arrived = good & (trial >= 1.0)
-        abandoned = (self.stride[todo] <= 1 / 512) | (self.strides[todo] >= _STRIDES)  # each by itself: others wait for it
+        abandoned = (self.stride[todo] <= 1 / 512) | (self.strides[todo] >= _STRIDES)  # others wait for it
         self.open[todo[arrived | abandoned]] = False
         self.todo = self.open.nonzero()[0]
         return todo[arrived], moved.take(np.nonzero(arrived)[0])
