@@ -231,7 +231,7 @@ WRONG = [
     ([TRIGLIDE, "-p", "nothing.yaml"], 2, "add `--simulate`"),
     ([TRIGLIDE, "--simulate", "--select", "nonsense"], 2, "no parameter `nonsense`"),
     ([TRIGLIDE, TRIGLIDE_DATA, "--simulate", *POSES], 2, "give either"),
-    ([TRIGLIDE, "--simulate", "--grid", "x=9000:9999:2,y=200:250:2"], 3, "out of reach"),
+    ([TRIGLIDE, "--simulate", "--grid", "x=300:400:2,y=9000:9999:2"], 3, "out of reach"),
     ([TRIGLIDE, "nothing.csv", "--simulate"], 3, "does not exist"),
     ([TRIGLIDE, "--simulate", "-p", "nothing.yaml"], 3, "cannot be read"),
     (["nothing.yaml", "--simulate"], 3, "cannot be read"),

@@ -172,3 +172,12 @@ def test_a_row_that_is_far_away_costs_the_others_nothing(far: float) -> None:
     beside = predict(machine, machine.nominal, Rows.at(np.vstack([readings, [far, far]])))
     assert alone.solved.all() and beside.solved.tolist() == [True] * 12 + [False]
     assert np.abs(beside.values[:12] - alone.values).max() < 1e-13
+
+
+def test_a_guide_has_no_ends() -> None:
+    """Five metres along the common rail the tool point is five metres further, and nothing else changes."""
+    machine = model("triglide-nonredundant")
+    readings = truth("triglide-nonredundant").inverse(poses_of("triglide-nonredundant", 12))
+    near, far = (predict(machine, machine.nominal, Rows.at(readings + along)) for along in (0.0, 5.0))
+    assert far.solved.all()
+    assert np.abs(far.values - near.values - [5.0, 0.0]).max() < 1e-13  # m; rounding of 5 m: 1e-15
