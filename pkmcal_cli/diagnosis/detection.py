@@ -2,7 +2,7 @@
 
 A hypothesis is accepted where its p value is below the threshold, unless it stands on one row, or rows held out are
 predicted worse with it; it is named where its evidence is not far below that of those that resemble it. What of it no
-smooth shape explains counts as noise, as a diagnosis estimates it.
+smooth shape explains counts as noise in this evidence, as a diagnosis estimates it.
 """
 
 from __future__ import annotations

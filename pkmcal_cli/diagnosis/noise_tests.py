@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +18,7 @@ from pkmcal_cli.diagnosis.linear import Linear
 from pkmcal_cli.diagnosis.memory import Memory
 from pkmcal_cli.diagnosis.outlying_rows import Tails
 from pkmcal_cli.diagnosis.scale import Scale
-from pkmcal_cli.diagnosis.score import log_evidence
+from pkmcal_cli.diagnosis.score import KEPT, Score, log_evidence
 
 _SURELY = 1e-4  # chance of so little noise at which the stated sigma is too large
 _LEAST = 1e-8  # of the stated variance; what simulated tables without noise leave is less, and rounding
@@ -28,6 +28,8 @@ _REPEATED = 20  # degrees of freedom from which repeated poses tell the noise
 _DOUBT = 0.2  # the stated sigma is kept unless so improbable: an estimate costs little, a sigma too small false alarms
 _ALIKE = 1e-4  # p value below which successive rows are not independent
 FREE = 0.2  # share of a value's variance that must be left once shapes are projected out
+_NOTABLE = 0.05  # share of an estimate of the noise that an effect may have before it is estimated beside the effect
+_CERTAIN = 1e-12  # p value that needs no better noise
 _SPARED = 4  # squares left out where there are few
 _TRIM = 0.05  # share of the largest squares left out, so that bad rows do not count as noise
 
@@ -39,14 +41,60 @@ def noise_scale(linear: Linear, problem: Problem, groups: Mapping[str, Array]) -
         return repeated
     if linear.dof > 0 and linear.chi2 < float(chdtri(linear.dof, 1 - _SURELY)):  # whatever effects may be in it
         return Scale(max(linear.chi2 / linear.dof, _LEAST), float(linear.dof), float(linear.dof))
-    shapes = np.hstack([*_none(linear), *map(linear.whitened, groups.values())])
-    free = linear.projecting(linear.projected, extra=shapes)
-    kept = free.freedom > FREE  # else the shapes follow the value
-    dof = free.dof
-    if dof < _FEWEST or kept.sum() < _FEWEST:  # few rows: what declared parameters leave, effects included
+    free = _unsmooth(linear, groups)
+    if free.dof < _FEWEST or (free.freedom > FREE).sum() < _FEWEST:  # what declared parameters leave, effects included
         return _of_few(linear)
-    variance, worth = _without_tails(free.unexplained[kept] ** 2 / free.freedom[kept])
-    return replace(_doubted(variance, worth * dof), rough=True)
+    variance, dof = _variance_of(free.unexplained, free.freedom, free.dof)
+    return replace(_doubted(variance, dof), rough=True)
+
+
+def p_values_beside(
+    linear: Linear, groups: Mapping[str, Array], scale: Scale, scores: Iterable[tuple[Hypothesis, Score]], p: Array
+) -> Array:
+    """p values (H,) of effects, of noise in which what the effect itself does has no part; `p`: by the noise `scale`.
+
+    A rough estimate contains what an effect does, unless it is smooth: T over one with f degrees of freedom that
+    contains T is at most f, and no effect in few rows would be significant. Where its columns are projected out, what
+    is left is independent of T, and their ratio is F.
+    """
+    tested = list(scores)
+    statistic = np.array([score.statistic for _, score in tested])
+    doubtful = (p > _CERTAIN) & (statistic > _NOTABLE * scale.variance * scale.dof)
+    if not (scale.rough and doubtful.any()):
+        return p
+    free, p = _unsmooth(linear, groups), p.copy()
+    for k in doubtful.nonzero()[0]:
+        hypothesis, score = tested[k]
+        p[k] = _noise_beside(free, linear.tested(hypothesis) @ score.basis).p_of(score)
+    return p
+
+
+def _noise_beside(free: Linear, columns: Array) -> Scale:
+    """The noise in what smooth groups, and an effect with these columns (n, m), leave: not less than stated.
+
+    As an estimate throughout: the statement was improbable, and that it is not any more beside one of many effects
+    would be chance, where sigma is too small.
+    """
+    unit = columns / np.sqrt((columns**2).sum(axis=0))
+    values, vectors = np.linalg.eigh(unit.T @ free.free(unit))
+    unit = unit @ (vectors[:, values > KEPT] / np.sqrt(values[values > KEPT]))
+    left = free.free(unit)  # (n, s)
+    unexplained, freedom = free.unexplained - left @ (unit.T @ free.unexplained), free.freedom - (left**2).sum(axis=1)
+    variance, dof = _variance_of(unexplained, freedom, free.dof - left.shape[1])
+    return Scale(max(variance, 1.0), dof)
+
+
+def _unsmooth(linear: Linear, groups: Mapping[str, Array]) -> Linear:
+    """The problem with what is smooth projected out."""
+    shapes = np.hstack([*_none(linear), *map(linear.whitened, groups.values())])
+    return linear.projecting(linear.projected, extra=shapes)
+
+
+def _variance_of(unexplained: Array, freedom: Array, dof: float) -> tuple[float, float]:
+    """Variance of values (n,) of which a share (n,) is left, with so many degrees of freedom together, and its own."""
+    kept = freedom > FREE  # else what was projected out follows the value
+    variance, worth = _without_tails(unexplained[kept] ** 2 / freedom[kept])
+    return variance, worth * dof
 
 
 def chance_of_noise(linear: Linear) -> float:

@@ -20,7 +20,7 @@ class Scale:
     """Square of the factor on the stated sigma, and its degrees of freedom.
 
     checked: degrees of freedom of the estimate that the statement was compared with; `whole`: whether what effects do
-    counts as noise in it; `rough`: whether what of it no smooth group explains does; `part`: whether statistics are
+    counts as noise in it; `rough`: whether what no smooth group explains does; `part`: whether statistics are
     parts of the sum of squares that it was estimated from.
     """
 
@@ -49,9 +49,9 @@ class Scale:
         stated = chdtri(count, p)
         if self.checked >= _MANY:
             return stated, stated
-        rest = self.checked - count if self.whole else np.full(len(count), self.checked)
+        rest = self.checked - count if self.whole or self.rough else np.full(len(count), self.checked)
         left = betaincinv(0.5 * np.maximum(rest, 1), 0.5 * count, p)  # share of the sum that the statistic leaves
-        estimated = self.checked * (1.0 - left) / (1.0 if self.whole else left)
+        estimated = (1.0 - left) * (self.checked if self.whole else rest / left)
         return stated, np.where(rest > 0, estimated, np.inf)
 
     def p_of(self, score: Score) -> float:

@@ -22,7 +22,7 @@ from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis, beside_unkno
 from pkmcal_cli.diagnosis.known_results import KnownResults
 from pkmcal_cli.diagnosis.linear import Linear, linear_problem
 from pkmcal_cli.diagnosis.model_discrepancy import own_discrepancies, own_discrepancy
-from pkmcal_cli.diagnosis.noise_tests import independent, noise_scale
+from pkmcal_cli.diagnosis.noise_tests import independent, noise_scale, p_values_beside
 from pkmcal_cli.diagnosis.outlying_rows import RowScores, row_scores
 from pkmcal_cli.diagnosis.scale import Scale
 from pkmcal_cli.diagnosis.score import UNUSUAL, Score, log_evidence
@@ -241,9 +241,10 @@ def _same_lag(search: Search, values: Array, hypotheses: Sequence[Hypothesis]) -
 
 def scored(linear: Linear, problem: Problem, hypotheses: Sequence[Hypothesis]) -> Scored:
     """Scores, p values and evidence of hypotheses; the best of its nested parts stands for each."""
-    plain, linear = linear, independent(linear, problem, hypotheses)
-    scale = noise_scale(linear, problem, group_columns(problem))
-    return replace(scored_by(scale, linear, hypotheses), plain=plain)
+    plain, linear, groups = linear, independent(linear, problem, hypotheses), group_columns(problem)
+    done = scored_by(noise_scale(linear, problem, groups), linear, hypotheses)
+    p = p_values_beside(linear, groups, done.scale, zip(done.hypotheses, done.scores, strict=True), done.p_values)
+    return replace(done, plain=plain, p_values=p)
 
 
 def scored_by(scale: Scale, linear: Linear, hypotheses: Sequence[Hypothesis]) -> Scored:

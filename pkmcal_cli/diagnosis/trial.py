@@ -99,7 +99,8 @@ class Trial:
         ratio = statistic / variance
         evidence = log_evidence(ratio, contest.count[:, None])
         evidence += np.array([tail_of(size * far) for far in contest.far])[:, None]
-        significant = (ratio > _where(doubted, self._limits)) & (evidence > 0)
+        beside = statistic / self._variance_beside(variance)
+        significant = (beside > _where(doubted, self._limits)) & (evidence > 0)
         evidence += contest.preference[:, None]
         best = np.argmax(evidence[: len(self.checks)], axis=0)  # part of the hypothesis that stands for it
         draws = np.arange(len(best))
@@ -135,6 +136,12 @@ class Trial:
     @cached_property
     def _limits(self) -> tuple[Array, Array]:
         return self.procedure.scale.least_statistics(self.contest.count, self.procedure.critical)
+
+    def _variance_beside(self, variance: Array) -> Array:
+        """Variances (D,) by which a hypothesis is significant: of an estimate that is rough, without what it does."""
+        if not self.procedure.scale.rough:
+            return variance
+        return np.where(variance == 1.0, 1.0, np.maximum(self.counted.variance, 1.0))
 
     def _scale(self, size: float) -> tuple[Array, NDArray[np.bool_]]:
         """Estimated variances (D,) over the true one, 1 where the statement stands; whether it does not."""

@@ -1,0 +1,48 @@
+"""Noise that is estimated from residuals which contain an effect: the effect is judged by what is left beside it.
+
+A clearance is not smooth over the poses: in few rows most of what it does would count as noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import binomtest
+
+from pkmcal_cli.diagnosis.scoring import Scored, scored
+from tests.test_detection_few_rows import few, share
+
+NAME, FACTOR = "clearance@rod2", 3.0  # of a sigma that is stated too small
+
+
+def drawn(seed: int, size: float) -> Scored:
+    """Residuals of 20 rows with a clearance so many standard uncertainties large; the clearance scored."""
+    case = few("scissors", 20)
+    (clearance,) = (h for h in case.hypotheses if h.name == NAME)
+    effect = case.linear.tested(clearance)[:, 0] * size / np.sqrt(case.linear.score_of(clearance).information[0])
+    noise = np.random.default_rng(seed).normal(size=len(effect))
+    residual = case.linear.on.ravel() * FACTOR * (effect + noise)
+    return scored(replace(case.linear, residual=residual), case.problem, [clearance])
+
+
+def test_an_effect_that_most_of_the_residual_is_of_is_significant() -> None:
+    """Nine standard uncertainties: by any noise that contains it T is below the number of values that are free."""
+    seen = [drawn(seed, 9.0) for seed in range(40)]
+    assert all(s.scale.rough and s.scale.variance > 2 * FACTOR**2 for s in seen), "half of it is the effect"
+    assert all(s.scores[0].statistic / s.scale.variance < s.linear.dof for s in seen)
+    assert sum(float(s.p_values[0]) < few("scissors", 20).procedure.critical for s in seen) >= 36
+
+
+def test_p_values_of_noise_are_uniform_where_they_matter() -> None:
+    """1 % below 1 %, 0.1 % below 0.1 %, of 2000 tables without any effect and with a sigma that is three times too
+    small (binomial test at 1 %)."""
+    p = np.array([float(drawn(seed, 0.0).p_values[0]) for seed in range(100, 2100)])
+    for level in (0.05, 0.01, 0.001):
+        assert binomtest(int((p < level).sum()), len(p), level).pvalue > 0.01, (level, (p < level).mean())
+
+
+def test_the_promised_size_is_detected_in_80_percent_of_campaigns() -> None:
+    """Within three standard deviations of both counts, 10 %."""
+    assert share(few("scissors", 20), NAME) == pytest.approx(0.8, abs=0.1)
