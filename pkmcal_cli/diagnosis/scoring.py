@@ -265,8 +265,7 @@ def scored_beside(near: Scored, first: Hypothesis, hypotheses: Sequence[Hypothes
 def _best_parts(
     scores_of: Callable[[Sequence[Hypothesis]], tuple[Score, ...]], scale: Scale, hypotheses: Sequence[Hypothesis]
 ) -> tuple[tuple[Hypothesis, ...], tuple[Score, ...], Array, Array]:
-    """The part of each hypothesis with most log evidence, its score, p value and this evidence (H,), one choice among
-    parts."""
+    """The part of each hypothesis with most log evidence, its score, p value and this evidence (H,), choice paid."""
     parts = [part for h in hypotheses for part in h.nested_parts]
     scores = scores_of(parts)
     count = np.array([s.count for s in scores], dtype=np.intp)
