@@ -43,6 +43,19 @@ def test_p_values_of_noise_are_uniform_where_they_matter() -> None:
         assert binomtest(int((p < level).sum()), len(p), level).pvalue > 0.01, (level, (p < level).mean())
 
 
+def test_beside_an_effect_that_leaves_few_values_the_noise_is_that_of_all() -> None:
+    """Curves of four drives, 20 numbers at once, leave less than 10 of 24 degrees of freedom."""
+    case = few("scissors", 20)
+    (curves,) = (h.whole for h in case.hypotheses if h.name == "pitch_curve@each")
+    score = case.linear.score_of(curves)
+    effect = case.linear.tested(curves) @ score.basis @ (4.0 / np.sqrt(score.information))
+    noise = np.random.default_rng(1).normal(size=len(effect))
+    residual = case.linear.on.ravel() * FACTOR * (noise + effect)
+    seen = scored(replace(case.linear, residual=residual), case.problem, [curves])
+    assert seen.scale.rough and seen.scores[0].statistic > 0.5 * seen.scale.variance * seen.scale.dof
+    assert float(seen.p_values[0]) == seen.scale.p_of(seen.scores[0]) > 1e-9
+
+
 def test_the_promised_size_is_detected_in_80_percent_of_campaigns() -> None:
     """Within three standard deviations of both counts, 10 %."""
     assert share(few("scissors", 20), NAME) == pytest.approx(0.8, abs=0.1)

@@ -24,6 +24,7 @@ _SURELY = 1e-4  # chance of so little noise at which the stated sigma is too lar
 _LEAST = 1e-8  # of the stated variance; what simulated tables without noise leave is less, and rounding
 _MOSTLY = 0.5  # of chi-square that one row must explain to be left out of the noise
 _FEWEST = 20  # values that must be free once shapes are projected out
+_FEW = 10  # the same, beside an effect
 _REPEATED = 20  # degrees of freedom from which repeated poses tell the noise
 _DOUBT = 0.2  # the stated sigma is kept unless so improbable: an estimate costs little, a sigma too small false alarms
 _ALIKE = 1e-4  # p value below which successive rows are not independent
@@ -65,12 +66,13 @@ def p_values_beside(
     free, p = _unsmooth(linear, groups), p.copy()
     for k in doubtful.nonzero()[0]:
         hypothesis, score = tested[k]
-        p[k] = _noise_beside(free, linear.tested(hypothesis) @ score.basis).p_of(score)
+        p[k] = (_noise_beside(free, linear.tested(hypothesis) @ score.basis) or scale).p_of(score)
     return p
 
 
-def _noise_beside(free: Linear, columns: Array) -> Scale:
-    """The noise in what smooth groups, and an effect with these columns (n, m), leave: not less than stated.
+def _noise_beside(free: Linear, columns: Array) -> Scale | None:
+    """The noise in what smooth groups, and an effect with these columns (n, m), leave: not less than stated; None
+    where they leave little.
 
     As an estimate throughout: the statement was improbable, and that it is not any more beside one of many effects
     would be chance, where sigma is too small.
@@ -80,7 +82,10 @@ def _noise_beside(free: Linear, columns: Array) -> Scale:
     unit = unit @ (vectors[:, values > KEPT] / np.sqrt(values[values > KEPT]))
     left = free.free(unit)  # (n, s)
     unexplained, freedom = free.unexplained - left @ (unit.T @ free.unexplained), free.freedom - (left**2).sum(axis=1)
-    variance, dof = _variance_of(unexplained, freedom, free.dof - left.shape[1])
+    dof = free.dof - left.shape[1]
+    if dof < _FEW or (freedom > FREE).sum() < _FEW:
+        return None
+    variance, dof = _variance_of(unexplained, freedom, dof)
     return Scale(max(variance, 1.0), dof)
 
 
