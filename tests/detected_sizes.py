@@ -57,7 +57,7 @@ altogether, 65 to 92 % for each effect, of which 25 campaigns tell 80 +- 8 %.
 "Size / true": mean over those found whose effect has one number; "corrected": the same with the median that is
 corrected for being found.
 
-Least often found is a drift of the instrument, for which drives that drift are taken (65 of 100 campaigns find it, by
+For a drift of the instrument, drives that drift are often taken (65 of 100 campaigns find it, by
 `--only drift --count 100`). Play in joints (`clearance`) relieves the forces by which it acts: at the promised size
 something else is named, or nothing; it is not in the table.
 """

@@ -56,7 +56,7 @@ def p_values_beside(
 
     A rough estimate contains what an effect does, unless it is smooth: T over one with f degrees of freedom that
     contains T is at most f, and no effect in few rows would be significant. Where its columns are projected out, what
-    is left is independent of T, and their ratio is F.
+    is left is independent of T, and their ratio is F (test of a part of a linear model; Seber and Lee 2003, 4.3).
     """
     tested = list(scores)
     statistic = np.array([score.statistic for _, score in tested])
