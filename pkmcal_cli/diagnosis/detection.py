@@ -34,6 +34,7 @@ _PARTS = 64  # of an interval of a factor of two: finer than so many draws tell
 _RARE = 1e-4  # rates that are not told apart from 0 and 1
 _TRIED, _SHOWN = 24, 20.0  # sizes from which is learned how effects are accepted, up to so many standard uncertainties
 _SMOOTH = 0.15  # standard uncertainties
+_BINS = 32  # of such a width, in which campaigns are counted before they are smoothed
 _KNOWN = 1e8  # degrees of freedom, half
 _LARGEST = 1e4  # standard deviations of a prior: as good as never
 _CARRIES = 0.1  # share of the information in a direction, from which on a row may be all that speaks for an effect
@@ -73,11 +74,7 @@ class Detection:
         trial, unit = self._trial(k, direction, procedure), float(direction @ self.scores[k].whole @ direction)
         tried = [trial.campaigns(s / np.sqrt(unit)) for s in np.linspace(0.0, _SHOWN, _TRIED)]
         sizes = np.sqrt(np.concatenate([statistic for statistic, _ in tried]))
-        accepted = np.concatenate([accepts for _, accepts in tried]).astype(float)
-        grid = np.arange(0.0, _SHOWN, _SMOOTH / 2)
-        weight = np.exp(-0.5 * ((grid[:, None] - sizes) / _SMOOTH) ** 2)
-        chance = (weight @ accepted) / np.maximum(weight.sum(axis=1), 1e-300)
-        return Acceptance(grid, np.maximum.accumulate(chance))
+        return _smoothed(sizes, np.concatenate([accepts for _, accepts in tried]))
 
     def _trial(self, k: int, direction: Array, procedure: Procedure) -> Trial:
         labels, rough, checked = self._labels[k], procedure.scale.rough, procedure.scale.checked
@@ -96,6 +93,19 @@ class Detection:
         """Columns (n, k) that no effect counts as noise along."""
         groups = group_columns(self.problem).values()
         return np.hstack([np.zeros((len(self.linear.residual), 0)), *map(self.linear.whitened, groups)])
+
+
+def _smoothed(sizes: Array, accepted: NDArray[np.bool_]) -> Acceptance:
+    """Share of campaigns (n,) accepted near each size: counted in narrow bins, which are then weighed."""
+    step = _SMOOTH / _BINS
+    bins = round((_SHOWN + 8 * _SMOOTH) / step)
+    near = sizes < bins * step
+    place = (sizes[near] / step).astype(np.intp)
+    tried, taken = np.bincount(place, minlength=bins), np.bincount(place, accepted[near], minlength=bins)
+    grid, middle = np.arange(0.0, _SHOWN, _SMOOTH / 2), (np.arange(bins) + 0.5) * step
+    weight = np.exp(-0.5 * ((grid[:, None] - middle) / _SMOOTH) ** 2)
+    chance = (weight @ taken) / np.maximum(weight @ tried, 1e-300)
+    return Acceptance(grid, np.maximum.accumulate(chance))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,7 +12,7 @@ from pkmcal_cli.diagnosis.linear import Linear
 from pkmcal_cli.diagnosis.score import Score
 
 DRAWS = 20_000
-_BLOCK = 4_000
+_BLOCK = 1_000
 
 
 def smallest_p(linear: Linear, columns: Sequence[Array], scores: Sequence[Score], seed: int) -> Array:

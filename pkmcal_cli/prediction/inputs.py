@@ -193,6 +193,8 @@ def lag(time: Array, value: Array, tau: Any) -> Array:
 
     By a scan over pairs (decay, lagged), doubling the distance: exact, without a loop over rows. Analytic in tau.
     """
+    if tau == 0:
+        return value
     order = np.argsort(time, kind="stable")
     step = np.diff(time[order], prepend=time[order[:1]])
     current, before = value[order], np.concatenate([value[order[:1]], value[order[:-1]]])
