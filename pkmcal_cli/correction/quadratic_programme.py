@@ -45,25 +45,37 @@ class Optimum:
 
 
 def solve(programme: Programme) -> Optimum:
-    """The optimum of every row."""
-    scale = np.maximum(np.einsum("nkk->n", programme.curvature), 1e-300)  # of the objective, which may have any unit
+    """The optimum of every row, whatever the units of objective and unknowns are."""
+    scale = np.maximum(np.einsum("nkk->n", programme.curvature), 1e-300)
     curvature, slope = programme.curvature / scale[:, None, None], programme.slope / scale[:, None]
     rows, count, width = programme.matrix.shape
     if not count:
         flat = curvature + _FLAT * np.eye(width)
         y = np.nan_to_num(-solve_rows(flat, slope[..., None])[..., 0])
         return Optimum(y=y, excess=np.zeros(rows), binding=np.zeros((rows, 0), dtype=bool))
+    unit = _unit(slope, programme)
     square = _FLAT * np.tile(np.eye(width + 1), (rows, 1, 1))
     square[:, :width, :width] += curvature
-    linear = np.concatenate([slope, np.full((rows, 1), _PRICE)], axis=1)
+    linear = np.concatenate([slope / unit, np.full((rows, 1), _PRICE)], axis=1)
     every = np.zeros((rows, count + 1, width + 1))  # the last unknown is the excess, which is not negative
-    every[:, :count, :width], every[:, :, width] = programme.matrix, -1.0
+    every[:, :count, :width], every[:, :, width] = programme.matrix * unit[:, :, None], -1.0
     bound = np.concatenate([programme.bound, np.zeros((rows, 1))], axis=1)
     run = _Run(square, linear, every, bound)
     for _ in range(_STEPS):
         if not run.advance():
             break
-    return Optimum(y=run.x[:, :width], excess=run.x[:, width], binding=(run.z > run.s)[:, :count])
+    return Optimum(y=run.x[:, :width] * unit, excess=run.x[:, width], binding=(run.z > run.s)[:, :count])
+
+
+def _unit(slope: Array, programme: Programme) -> Array:
+    """Size (n, 1) of unknowns that matter: what the objective asks for, what leads to the furthest bound that is not
+    kept, and what changes a bound by one. In others the price would be worth less than an objective in large numbers.
+    """
+    steep = np.abs(programme.matrix).max(axis=2, initial=0.0)  # (n, c)
+    away = np.divide(np.maximum(-programme.bound, 0.0), steep, out=np.zeros(steep.shape), where=steep > 0.0)
+    one = 1.0 / np.maximum(steep.max(axis=1), 1e-300)
+    sizes = np.stack([np.abs(slope).max(axis=1, initial=0.0), away.max(axis=1), one])
+    return np.asarray(np.where(steep.any(axis=1), sizes.max(axis=0), 1.0)[:, None])
 
 
 class _Run:

@@ -19,11 +19,11 @@ from pkmcal_cli.mechanism.topology import Index
 from pkmcal_cli.model.limits import limit_excess
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_motion import DIRECTIONS
-from pkmcal_cli.prediction import Rows
+from pkmcal_cli.prediction import Rows, WarmStart
 from pkmcal_cli.prediction.inverse_kinematics import DrivePositions, drive_positions
 from pkmcal_cli.units.unit_text import parse_unit
 
-_STEPS, _HALVINGS = 40, 8
+_STEPS, _SHORTEST = 60, 1 / 256  # in all, and as a share of a whole step
 _EXACT = 1e-12  # of the machine's size, or rad: the tool point is there
 _CONVERGED = 1e-7  # of a drive's force scale, or of its force: it changes no more
 _ROUNDING = 1e-14  # of the machine's size, or rad: a step that is none
@@ -131,29 +131,36 @@ def _unsettled(pose: StrainedPose, row: int) -> str:
 
 
 class _Search:
-    """Newton's method for all rows: set values that move until the tool point is there and the forces have settled."""
+    """Newton's method for all rows: set values that move until the tool point is there and the forces have settled.
+
+    A step counts that brings the tool point nearer, or after which the next one is shorter (Deuflhard 2004, natural
+    monotonicity): ropes that tighten move the tool point first.
+    """
 
     def __init__(self, redundancy: Redundancy, aim: Aim, rows: Rows) -> None:
         self.redundancy, self.aim, self.rows = redundancy, aim, rows
         self.failed: dict[int, str] = {}
         self.moving = np.ones(len(rows), dtype=bool)
         self.step = np.zeros((len(rows), len(redundancy.drives)))
-        self.halved = np.zeros(len(rows), dtype=np.intp)
-        self.away = np.full(len(rows), np.inf)  # how far the tool point was from where it shall be
+        self.share = np.ones(len(rows))  # of a whole step that the last one was
+        self.start: WarmStart  # states at the last poses that count
+        self.away = np.full(len(rows), np.inf)  # how far the tool point was there from where it shall be
+        self.length = np.full(len(rows), np.inf)  # of the whole step from there
         self.beyond: dict[int, NDArray[np.bool_]] = {}  # bounds in the way of rows that cannot keep all
 
     def run(self) -> None:
-        """Search until no row moves; rows that do not end are `failed`."""
-        pose: StrainedPose | None = None
+        """Search until no row moves; rows that do not end are `failed`.
+
+        The first poses are compared with others, as the drives that are not redundant may not hold them.
+        """
+        tool, values, targets = self.redundancy.tool, self.redundancy.values, self.aim.targets
+        pose = tool.at(values, self.rows, targets, "readings")
+        self.start = pose.prediction.start
         for _ in range(_STEPS):
-            start = None if pose is None else pose.prediction.start
-            pose = self.redundancy.tool.at(
-                self.redundancy.values, self.rows, self.aim.targets, "readings", start, compare=False
-            )
             self._advance(pose)
             if not self.moving.any():
                 break
-        assert pose is not None
+            pose = tool.at(values, self.rows, targets, "readings", self.start, compare=False)
         self._end(pose)
 
     def _advance(self, pose: StrainedPose) -> None:
@@ -161,25 +168,27 @@ class _Search:
         redundancy, drives = self.redundancy, self.redundancy.drives
         error = pose.tool - self.aim.targets
         away = np.nan_to_num(np.abs(error) / redundancy.tool.sizes, nan=np.inf).max(axis=1)
-        solved = pose.prediction.solved & ((away < _GROWN * self.away) | (away < _THERE))
-        back = self.moving & ~solved
-        self.halved[back] += 1
-        for k in np.nonzero(back & (self.halved > _HALVINGS))[0].tolist():
-            self.failed[k] = _unsettled(pose, k) if pose.prediction.solved[k] else pose.prediction.reason(k)
-            self.moving[k] = False
+        step, optimum = redundancy.step(pose, self.rows.readings, error)
+        length = np.abs(step / redundancy.spans).max(axis=1, initial=0.0)
+        nearer = (away < _GROWN * self.away) | (away < _THERE) | (length < (1.0 - 0.25 * self.share) * self.length)
+        good = pose.prediction.solved & nearer
+        back, here = self.moving & ~good, np.nonzero(good)[0]
+        self.start = self.start.put(here, pose.prediction.start.take(here))
         readings = self.rows.readings.copy()
         readings[np.ix_(np.nonzero(back)[0], drives)] -= 0.5 * self.step[back]
         self.step[back] *= 0.5
-        step, optimum = redundancy.step(pose, self.rows.readings, error)
-        step = self._limited(step)
-        converged = solved & self._converged(pose, error, step)
-        go = np.nonzero(self.moving & solved & ~converged)[0]
-        self.halved[go], self.step[go], self.away[go] = 0, step[go], away[go]
-        readings[np.ix_(go, drives)] += step[go]
+        self.share[back] *= 0.5
+        for k in np.nonzero(back & (self.share < _SHORTEST))[0].tolist():
+            self.failed[k] = _unsettled(pose, k) if pose.prediction.solved[k] else pose.prediction.reason(k)
+            self.moving[k] = False
+        converged = good & self._converged(pose, error, step)
+        go = np.nonzero(self.moving & good & ~converged)[0]
+        self.share[go] = np.minimum(2.0 * self.share[go], np.minimum(1.0, _LONGEST / np.maximum(length[go], 1e-300)))
+        self.step[go], self.away[go], self.length[go] = self.share[go, None] * step[go], away[go], length[go]
+        readings[np.ix_(go, drives)] += self.step[go]
         self.moving &= ~converged
-        self.beyond = {
-            k: optimum.binding[k] for k in np.nonzero((optimum.excess > _EXCEEDED) & pose.prediction.solved)[0].tolist()
-        } | {k: on for k, on in self.beyond.items() if not pose.prediction.solved[k]}
+        exceeded = {k: optimum.binding[k] for k in np.nonzero((optimum.excess > _EXCEEDED) & good)[0].tolist()}
+        self.beyond = exceeded | {k: on for k, on in self.beyond.items() if not good[k]}
         self.rows = replace(self.rows, readings=readings)
 
     def _converged(self, pose: StrainedPose, error: Array, step: Array) -> NDArray[np.bool_]:
@@ -199,8 +208,3 @@ class _Search:
         for k, binding in self.beyond.items():
             limits = ", ".join(binding_names(names, binding))
             self.failed[k] = f"no set values within all limits; in the way: {limits}"
-
-    def _limited(self, step: Array) -> Array:
-        """Steps (N, D), none too long."""
-        longest = np.abs(step / self.redundancy.spans).max(axis=1, initial=0.0)
-        return np.asarray(step * np.minimum(1.0, _LONGEST / np.maximum(longest, 1e-300))[:, None])

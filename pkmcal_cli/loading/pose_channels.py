@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,8 +35,8 @@ def known_channels(model: Model) -> Channels:
     return np.array([not math.isnan(c.known) for c in model.channels], dtype=bool)
 
 
-def together(parts: Sequence[Channels | None]) -> Channels | None:
-    """Parts as one; None where one is missing."""
+def together(parts: Sequence[NDArray[Any] | None]) -> NDArray[Any] | None:
+    """Parts (n, ...) as one; None where one is missing."""
     known = [part for part in parts if part is not None]
     return np.concatenate(known) if len(known) == len(parts) else None
 

@@ -142,14 +142,17 @@ class TablePoses:
         held = [a for a, d in enumerate(model.topology.drives) if not d.force_controlled]
         reachable = np.ones(len(block), dtype=bool)
         missing = np.nonzero(np.isnan(readings[:, held]).any(axis=1))[0]
+        targets = np.full((len(block), len(DIRECTIONS)), np.nan) if block.coordinates else None
         if len(missing):
             poses = np.full((len(missing), len(DIRECTIONS)), np.nan)
             poses[:, [DIRECTIONS.index(c) for c in block.coordinates]] = block.targets[missing]
             inverse = self._inverse(poses)
             readings[missing], reachable[missing] = inverse.readings, inverse.reached
+            assert targets is not None
+            targets[missing] = inverse.poses
         rows = with_covariates(Rows(readings, forces, partner=block.partners), block)
         measured, touched = table_channels(model, block)
-        return Poses(rows, reachable, lambda row: origin_of(block, row), measured, touched)
+        return Poses(rows, reachable, lambda row: origin_of(block, row), measured, touched, targets=targets)
 
     def _inverse(self, poses: Array) -> DrivePositions:
         """Drive readings for poses (N, 6), held at the coordinates that are given, so far as they are independent."""
@@ -193,4 +196,5 @@ def _grid_blocks(loaded: LoadedMachine, grid: Grid) -> Iterator[Poses]:
     for first in range(0, len(grid), _BLOCK):
         inverse = drive_positions(loaded.model, grid.poses(first, min(first + _BLOCK, len(grid))), held=grid.held)
         rows = at_rest(loaded.model, Rows.at(inverse.readings))
-        yield Poses(rows, inverse.reached, lambda row, first=first: RowOrigin(None, first + row + 1, ""))  # type: ignore[misc]
+        point = lambda row, first=first: RowOrigin(None, first + row + 1, "")  # type: ignore[misc]  # noqa: E731
+        yield Poses(rows, inverse.reached, point, targets=inverse.poses)

@@ -78,7 +78,8 @@ class Poses:
     reachable (N,): False where no drive readings were found for a pose of the tool point. measured (N, C): which
     channels a table has readings of; None where it has none at all, or poses only. touched (N, C): channels of probes
     with a known reading that touch there by the table; None for poses of a grid. sides (N, A): of approach, as the
-    table states them, nan where it does not; None where it has no such column.
+    table states them, nan where it does not; None where it has no such column. targets (N, 6): poses of the tool point
+    for which the drives were set, nan in rows that state readings of drives; None where all do.
     """
 
     rows: Rows
@@ -87,6 +88,7 @@ class Poses:
     measured: NDArray[np.bool_] | None = None
     touched: NDArray[np.bool_] | None = None
     sides: NDArray[np.float64] | None = None
+    targets: NDArray[np.float64] | None = None
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -99,9 +101,9 @@ class Poses:
     def take(self, rows: NDArray[np.intp]) -> Poses:
         """Some rows, which keep their places."""
         measured, touched = (None if c is None else c[rows] for c in (self.measured, self.touched))
-        sides = None if self.sides is None else self.sides[rows]
+        sides, targets = (None if c is None else c[rows] for c in (self.sides, self.targets))
         row_origin = lambda k: self.row_origin(int(rows[k]))  # noqa: E731
-        return Poses(self.rows.take(rows), self.reachable[rows], row_origin, measured, touched, sides)
+        return Poses(self.rows.take(rows), self.reachable[rows], row_origin, measured, touched, sides, targets)
 
 
 def reference_poses(model: Model) -> Poses:
@@ -123,4 +125,5 @@ def joined_poses(model: Model, blocks: list[Poses]) -> Poses:
     sides = np.stack(stated, axis=1) if any(f"dir.{name}" in rows.columns for name in names) else None
     measured, touched = together([b.measured for b in blocks]), together([b.touched for b in blocks])
     reachable = np.concatenate([b.reachable for b in blocks])
-    return Poses(with_directions(rows, names), reachable, row_origin, measured, touched, sides)
+    targets = together([b.targets for b in blocks])
+    return Poses(with_directions(rows, names), reachable, row_origin, measured, touched, sides, targets)

@@ -79,7 +79,8 @@ def workspace_poses(
     model, points = loaded.model, workspace_points(loaded, workspace, count, to)
     at = replace(Rows.at(points.readings), partner=rows_before(model, len(points.readings)))
     rows = at_rest(model, at)
-    return Poses(rows, np.ones(len(rows), dtype=bool), lambda row: RowOrigin(None, row + 1, "")), points.notes
+    point = lambda row: RowOrigin(None, row + 1, "")  # noqa: E731
+    return Poses(rows, np.ones(len(rows), dtype=bool), point, targets=points.poses), points.notes
 
 
 def out_of_workspace(loaded: LoadedMachine) -> BadInput:

@@ -47,6 +47,7 @@ from pkmcal_cli.workflow.plots import check_plot, write_plot
 from pkmcal_cli.workflow.pose_set import PoseSet, default_poses, pose_set
 from pkmcal_cli.workflow.shift_table import write_shifts
 from pkmcal_cli.workflow.stated_sizes import stated_sizes
+from pkmcal_cli.workflow.tensioned_poses import tensioned_poses
 from pkmcal_cli.workflow.touched_poses import touching_poses
 
 
@@ -113,6 +114,7 @@ def _prepare(request: AnalysisRequest, to: Listener, machine: LoadedMachine | No
     start = load_parameters(model, request.parameters)
     for text in start.remarks(bool(poses.every.rows.named_sessions)):
         to.warn(text)
+    poses = tensioned_poses(to, loaded, start.values, poses)
     readings = _offset_readings(model, poses.poses.rows, request.offset or ())
     inputs = loaded.inputs | start.inputs | poses.inputs
     return _Setting(loaded, start.values, selected, poses.with_readings(readings), to, inputs)

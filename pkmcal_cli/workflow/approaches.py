@@ -38,8 +38,8 @@ _HALVINGS = 4
 NO_WAY = "no neighbouring pose to approach it from"
 _INSIDE = "choose poses further inside the workspace, or check `force_limit`"
 _TAUT = (
-    "choose poses at which all ropes pull; where redundant drives hold positions, give set values that tension the "
-    "ropes: state `t_min`, and take the table that `pkmcal correct` writes"
+    "choose poses at which all ropes pull; where redundant drives hold positions, state `t_min` of the ropes, or give "
+    "set values that tension them"
 )
 
 

@@ -9,17 +9,15 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem, design_problem
-from pkmcal_cli.correction.commands import corrected
-from pkmcal_cli.correction.set_values import Aim
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.loading.pose_channels import known_channels, planned_channels
 from pkmcal_cli.loading.workspace_poses import out_of_workspace
-from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.prediction import Request, Rows, predict
 from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 from pkmcal_cli.prediction.touching import tcp_places, touching
 from pkmcal_cli.workflow.approaches import Approaches, approaches, no_approach
+from pkmcal_cli.workflow.tensioned_poses import tensioned, tensions_ropes
 from pkmcal_cli.workflow.touched_poses import readings_at_touch
 
 IntArray = NDArray[np.intp]
@@ -39,7 +37,9 @@ def candidate_points(
     poses, readings = _drawn(loaded, tcp_places(model, values, problem.rows), size, rng)
     some = rng.choice(np.arange(len(problem)) if like is None else like, len(readings))
     columns = {name: column[some] for name, column in problem.rows.columns.items()}
-    poses, rows = _tensioned(model, values, poses, Rows(readings, np.full(readings.shape, np.nan), columns))
+    rows = Rows(readings, np.full(readings.shape, np.nan), columns)
+    if tensions_ropes(model) and len(poses) and len((made := tensioned(model, values, poses, rows)).kept):
+        poses, rows = poses[made.kept], made.rows
     towards = approaches(model, values, rows, poses, rng)
     rows = replace(rows, columns={**rows.columns, **towards.columns(model)})
     touched = known_channels(model) & problem.measured.all(axis=0)  # probes that touch at every pose of the plan
@@ -50,20 +50,6 @@ def candidate_points(
         raise no_approach(model, towards.refused)
     channels = planned_channels(model, None, np.tile(touched, (len(good), 1)))
     return design_problem(model, rows.take(good), channels), towards.take(good)
-
-
-def _tensioned(model: Model, values: Array, poses: Array, rows: Rows) -> tuple[Array, Rows]:
-    """Poses (n, 6) with set values at which ropes pull, where redundant drives hold them, without those that have none.
-
-    The inverse model has no strain: there such ropes hang loose.
-    """
-    if not (model.exact.ropes and model.redundant_drives and len(poses)):
-        return poses, rows
-    aim = Aim(poses=poses, held=model.independent_coordinates, rows=rows)
-    made = corrected(model, values, aim, "min-force")
-    if made is None or not len(made.good):
-        return poses, rows
-    return poses[made.kept[made.good]], replace(rows.take(made.kept[made.good]), readings=made.rows.readings[made.good])
 
 
 def _drawn(loaded: LoadedMachine, places: Array, size: int, rng: np.random.Generator) -> tuple[Array, Array]:

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, get_args
 
-import numpy as np
-
 from pkmcal_cli.base.errors import UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.listener import Listener
-from pkmcal_cli.base.plural import count
-from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.assessment import Assessment, assessed
 from pkmcal_cli.correction.commanded_machine import CommandedMachine
 from pkmcal_cli.correction.commands import corrected, depends_on_sides, with_first_sides
@@ -31,14 +27,12 @@ from pkmcal_cli.loading.evidence import Evidence
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_parameters
 from pkmcal_cli.loading.targets import Targets, read_targets
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.pictures.correction_picture import correction_picture
 from pkmcal_cli.pictures.picture import Picture
 from pkmcal_cli.pictures.titles import titles
 from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.correction import CorrectionReport
 from pkmcal_cli.report.provenance import provenance
-from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.arguments import one_stdin, present
 from pkmcal_cli.workflow.command_table import CommandTable
 from pkmcal_cli.workflow.conditions import Conditions, conditions
@@ -46,9 +40,9 @@ from pkmcal_cli.workflow.export import Export, exported, write_export
 from pkmcal_cli.workflow.plots import Plot, check_plot
 from pkmcal_cli.workflow.run_folder import Run, check_run, keep_run
 from pkmcal_cli.workflow.schedule_forms import DWELL, FEED, check_motion
+from pkmcal_cli.workflow.target_units import in_another_unit
 
 _COMMANDS = "commands.csv"
-_LENGTHS, _TRIED = ("m", "mm", "um", "in"), 50  # units that are mixed up; targets that are tried in them
 _PROGRAMS = "gcode"  # how the names of formats begin that move the machine
 
 
@@ -178,27 +172,13 @@ def correction(request: CorrectionRequest, to: Listener, machine: LoadedMachine 
         targets = replace(targets, rows=with_first_sides(model, start.values, aim))
     with to.step("set values"):
         result = _assessed(model, start, targets, stated, request)
-    if not targets.grid and (result is None or not len(result.correction.good)):
-        for text in _in_another_unit(loaded, model, start.values, targets, choice):
+    if not targets.grid:
+        lost = result is None or not len(result.correction.good)
+        for text in in_another_unit(loaded.machine, model, start.values, targets, choice if lost else None):
             to.warn(text)
     return Corrected(
         loaded, CorrectionReport(model=model, start=start, targets=targets, result=result, choice=choice)
     )
-
-
-def _in_another_unit(
-    loaded: LoadedMachine, model: Model, values: Array, targets: Targets, choice: Choice
-) -> Iterator[str]:
-    """Where no target is within reach: by which factor between units the first of them would be."""
-    assumed = loaded.machine.file_units.length
-    scaled = [c in targets.coordinates and c in DIRECTIONS[:3] for c in DIRECTIONS]  # others stand at the reference
-    few = np.arange(min(len(targets), _TRIED))
-    for factor in (parse_unit(text).scale / assumed.scale for text in _LENGTHS if text != assumed.text):
-        poses = targets.poses * np.where(scaled, factor, 1.0)
-        made = corrected(model, values, Aim(poses=poses, held=targets.held, rows=targets.rows).take(few), choice)
-        if made is not None and len(made.good):
-            reached = f"{len(made.good)} of {count(len(few), 'target')} would be within reach"
-            yield f"warning: {factor:.6g} times as large, {reached}: check the units of lengths in the header"
 
 
 def _check_session(name: str, model: Model, start: Start, path: str | None) -> None:

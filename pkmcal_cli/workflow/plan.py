@@ -48,6 +48,7 @@ from pkmcal_cli.workflow.pose_set import PoseSet, default_poses, pose_set
 from pkmcal_cli.workflow.schedule import ScheduleOptions, write_schedule
 from pkmcal_cli.workflow.schedule_forms import check_drives, check_form
 from pkmcal_cli.workflow.state import State, check_state
+from pkmcal_cli.workflow.tensioned_poses import tensioned_poses
 from pkmcal_cli.workflow.touched_poses import touching_poses
 
 _POOL = 400  # candidate points, at least; twice as many as are wanted
@@ -132,7 +133,7 @@ def _prepared(
     """Poses where probes touch; sha256 by name of all that was read. Raises OutputError."""
     for text in start.remarks(bool(poses.every.rows.named_sessions)):
         to.warn(text)
-    poses = touching_poses(to, loaded, start.values, poses)
+    poses = touching_poses(to, loaded, start.values, tensioned_poses(to, loaded, start.values, poses))
     inputs = loaded.inputs | start.inputs | poses.inputs
     _check_output(request, inputs)
     return poses, inputs
