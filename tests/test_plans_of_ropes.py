@@ -131,22 +131,34 @@ def test_points_to_measure_next_have_taut_ropes() -> None:
     assert_taut(*written("next.csv"))
 
 
-def test_where_no_pose_is_left_the_ropes_and_the_remedy_are_told() -> None:
-    """Ropes that hold their positions without strain: the lower one hangs loose everywhere. With the set values of
-    `correct`, which tension it, there is a plan, and points to add are tensioned in the same way.
-    """
+def test_ropes_that_hold_their_positions_are_tensioned() -> None:
+    """Poses of a grid, and points to add: with set values at which each rope has its `t_min`."""
     Path("held.yaml").write_text(MACHINE.replace(HELD, ""))
-    for command in (("--grid", GRID), ("--grid", GRID, "-o", "p.csv")):
-        done = clean(run("plan", "held.yaml", *command))
-        assert done.code == 3 and "error[approach]: none of 42 poses can be measured: rope `r3` slack" in done.err
-        assert "help: " in done.err and "`pkmcal correct`" in done.err and not Path("p.csv").exists()
-    made = run("correct", "held.yaml", "--grid", "x=600:1400:4,y=300:1200:4", "-q", "-o", "set.csv")
-    assert made.code == 0
-    done = clean(run("plan", "held.yaml", "set.csv", "--aim", "uncertainty", "--points", "4", "-o", "p.csv", "--json"))
+    aim = ("--aim", "uncertainty", "--points", "4")
+    done = clean(run("plan", "held.yaml", "--grid", "x=600:1400:4,y=300:1200:4", *aim, "-o", "p.csv", "--json"))
     assert done.code == 0 and len(done.json["points"]) == 4, done.err
     there, back = written("p.csv", ("q1", "q2", "q3"))
     assert len(there) > 10
     assert_taut(there, back, below=None)
+
+
+def test_where_no_pose_is_left_the_ropes_and_the_remedy_are_told() -> None:
+    """Without `t_min` the set values are those without strain: the lower rope hangs loose everywhere. With the set
+    values of `correct` there is a plan.
+    """
+    Path("held.yaml").write_text(MACHINE.replace(HELD, ""))
+    Path("loose.yaml").write_text(MACHINE.replace(HELD, "").replace(", t_min: 20", ""))
+    for command in (("--grid", GRID), ("--grid", GRID, "-o", "p.csv")):
+        done = clean(run("plan", "loose.yaml", *command))
+        assert done.code == 3 and "error[approach]: none of 42 poses can be measured: rope `r3` slack" in done.err
+        assert "help: " in done.err and "state `t_min` of the ropes" in done.err and not Path("p.csv").exists()
+    made = run("correct", "held.yaml", "--grid", "x=600:1400:4,y=300:1200:4", "-q", "-o", "set.csv")
+    assert made.code == 0
+    done = clean(run("plan", "loose.yaml", "set.csv", "-o", "p.csv"))
+    there, back = written("p.csv", ("q1", "q2", "q3"))
+    assert done.code == 0 and len(there) > 10 and tensions(there, None).min() > 0 and tensions(back, None).min() > 0
+    done = clean(run("plan", "loose.yaml", "set.csv", "--aim", "uncertainty", "-o", "q.csv"))  # points have no tension
+    assert done.code == 3 and "state `t_min` of the ropes" in done.err and not Path("q.csv").exists()
 
 
 def test_ropes_without_a_least_tension_may_not_be_slack() -> None:

@@ -31,6 +31,7 @@ _THERE = 1e-9  # of the machine's size, or rad: a prediction from scratch finds 
 _EXCEEDED = 1e-7  # of a limit
 _GROWN = 0.9  # a step that leaves more of the error than so was too long
 _LONGEST = 0.1  # of the machine's size, or rad: a step
+_LIMITED = "no set values within all limits; in the way"
 _ELSEWHERE = "a prediction from these set values leads elsewhere: the pose is ambiguous"
 
 
@@ -86,7 +87,7 @@ def set_values(model: Model, values: Array, aim: Aim, strainless: DrivePositions
         search = _Search(replace(redundancy, tool=tool), aim, search.rows)
         search.run()
     after = tool.at(values, search.rows, aim.targets)
-    failed = _beyond(model, search.rows, _checked(tool, aim, after, search.failed))
+    failed = _beyond(model, search.rows, _checked(tool, aim, after, search))
     return SetValues(rows=search.rows, after=after, internal=internal, failed=failed)
 
 
@@ -100,13 +101,16 @@ def _declared(model: Model, aim: Aim, choice: Choice) -> Array:
     return InternalForces.of(model, model.nominal, nominal.by_pose).part(np.nan_to_num(there.force))
 
 
-def _checked(tool: LoadedTool, aim: Aim, after: StrainedPose, failed: dict[int, str]) -> dict[int, str]:
-    """Reasons of rows that a prediction from scratch does not confirm, besides those that are known."""
+def _checked(tool: LoadedTool, aim: Aim, after: StrainedPose, search: _Search) -> dict[int, str]:
+    """Reasons of rows that a prediction from scratch does not confirm, besides those that are known.
+
+    Where there is none, limits that are kept may strain the machine more than it can be.
+    """
     error = np.abs(after.tool - aim.targets) / tool.sizes
     there = np.nan_to_num(error, nan=np.inf).max(axis=1, initial=0.0) < _THERE
     lost = {int(k): _ELSEWHERE for k in np.nonzero(~there & after.prediction.solved)[0]}
-    lost |= {int(k): after.prediction.reason(int(k)) for k in np.nonzero(~after.prediction.solved)[0]}
-    return lost | failed
+    unsolved = np.nonzero(~after.prediction.solved)[0].tolist()
+    return lost | {k: search.limits.get(k, after.prediction.reason(k)) for k in unsolved} | search.failed
 
 
 def _beyond(model: Model, rows: Rows, failed: dict[int, str]) -> dict[int, str]:
@@ -147,6 +151,8 @@ class _Search:
         self.away = np.full(len(rows), np.inf)  # how far the tool point was there from where it shall be
         self.length = np.full(len(rows), np.inf)  # of the whole step from there
         self.beyond: dict[int, NDArray[np.bool_]] = {}  # bounds in the way of rows that cannot keep all
+        self.binding: dict[int, NDArray[np.bool_]] = {}  # bounds that hold rows
+        self.limits: dict[int, str] = {}  # the same in words, at the end
 
     def run(self) -> None:
         """Search until no row moves; rows that do not end are `failed`.
@@ -189,6 +195,7 @@ class _Search:
         self.moving &= ~converged
         exceeded = {k: optimum.binding[k] for k in np.nonzero((optimum.excess > _EXCEEDED) & good)[0].tolist()}
         self.beyond = exceeded | {k: on for k, on in self.beyond.items() if not good[k]}
+        self.binding |= {k: optimum.binding[k] for k in here.tolist()}
         self.rows = replace(self.rows, readings=readings)
 
     def _converged(self, pose: StrainedPose, error: Array, step: Array) -> NDArray[np.bool_]:
@@ -205,6 +212,6 @@ class _Search:
         names = self.redundancy.names(pose, self.rows.readings)
         for k in np.nonzero(self.moving)[0].tolist():
             self.failed[k] = _unsettled(pose, k)
-        for k, binding in self.beyond.items():
-            limits = ", ".join(binding_names(names, binding))
-            self.failed[k] = f"no set values within all limits; in the way: {limits}"
+        held = {k: binding_names(names, on) for k, on in (self.binding | self.beyond).items()}
+        self.limits = {k: f"{_LIMITED}: {', '.join(some)}" for k, some in held.items() if some}
+        self.failed |= {k: self.limits[k] for k in self.beyond}

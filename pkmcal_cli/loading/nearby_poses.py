@@ -32,7 +32,8 @@ def nearby_poses(model: Model, count: int) -> Poses:
         if len(readings) == count:
             break
     rows = at_rest(model, Rows(readings, np.full(readings.shape, np.nan), partner=rows_before(model, len(readings))))
-    return Poses(rows, np.ones(len(readings), dtype=bool), lambda row: RowOrigin(None, 0, f"drawn pose {row + 1}"))
+    point = lambda row: RowOrigin(None, 0, f"drawn pose {row + 1}")  # noqa: E731
+    return Poses(rows=rows, reachable=np.ones(len(readings), dtype=bool), row_origin=point)
 
 
 def _reached(model: Model, width: float, drawn: int) -> Array:

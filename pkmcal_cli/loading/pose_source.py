@@ -152,7 +152,10 @@ class TablePoses:
             targets[missing] = inverse.poses
         rows = with_covariates(Rows(readings, forces, partner=block.partners), block)
         measured, touched = table_channels(model, block)
-        return Poses(rows, reachable, lambda row: origin_of(block, row), measured, touched, targets=targets)
+        return Poses(
+            rows=rows, reachable=reachable, row_origin=lambda row: origin_of(block, row), measured=measured,
+            touched=touched, targets=targets,
+        )  # fmt: skip
 
     def _inverse(self, poses: Array) -> DrivePositions:
         """Drive readings for poses (N, 6), held at the coordinates that are given, so far as they are independent."""
@@ -197,4 +200,4 @@ def _grid_blocks(loaded: LoadedMachine, grid: Grid) -> Iterator[Poses]:
         inverse = drive_positions(loaded.model, grid.poses(first, min(first + _BLOCK, len(grid))), held=grid.held)
         rows = at_rest(loaded.model, Rows.at(inverse.readings))
         point = lambda row, first=first: RowOrigin(None, first + row + 1, "")  # type: ignore[misc]  # noqa: E731
-        yield Poses(rows, inverse.reached, point, targets=inverse.poses)
+        yield Poses(rows=rows, reachable=inverse.reached, row_origin=point, targets=inverse.poses)

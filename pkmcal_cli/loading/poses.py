@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import accumulate
 
 import numpy as np
@@ -71,7 +71,7 @@ def row_faults(row_origin: Callable[[int], RowOrigin], reasons: Mapping[int, str
     return [row_origin(row).fault(reasons[row], None if k else _MOST_ROWS) for k, row in enumerate(rows)]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Poses:
     """A block of configurations: drive readings and forces, and where each came from.
 
@@ -100,16 +100,16 @@ class Poses:
 
     def take(self, rows: NDArray[np.intp]) -> Poses:
         """Some rows, which keep their places."""
-        measured, touched = (None if c is None else c[rows] for c in (self.measured, self.touched))
-        sides, targets = (None if c is None else c[rows] for c in (self.sides, self.targets))
+        names = ("measured", "touched", "sides", "targets")
+        known = {n: column[rows] for n in names if (column := getattr(self, n)) is not None}
         row_origin = lambda k: self.row_origin(int(rows[k]))  # noqa: E731
-        return Poses(self.rows.take(rows), self.reachable[rows], row_origin, measured, touched, sides, targets)
+        return replace(self, rows=self.rows.take(rows), reachable=self.reachable[rows], row_origin=row_origin, **known)
 
 
 def reference_poses(model: Model) -> Poses:
     """The reference configuration alone."""
     rows = at_rest(model, Rows.at(model.reference_readings[None]))
-    return Poses(rows, np.ones(1, dtype=bool), lambda _: RowOrigin(None, 0, ""))
+    return Poses(rows=rows, reachable=np.ones(1, dtype=bool), row_origin=lambda _: RowOrigin(None, 0, ""))
 
 
 def joined_poses(model: Model, blocks: list[Poses]) -> Poses:
@@ -123,7 +123,8 @@ def joined_poses(model: Model, blocks: list[Poses]) -> Poses:
     rows, names = joined_rows([b.rows for b in blocks]), [a.name for a in model.actuators]
     stated = [rows.columns.get(f"dir.{name}", np.full(len(rows), np.nan)) for name in names]
     sides = np.stack(stated, axis=1) if any(f"dir.{name}" in rows.columns for name in names) else None
-    measured, touched = together([b.measured for b in blocks]), together([b.touched for b in blocks])
-    reachable = np.concatenate([b.reachable for b in blocks])
-    targets = together([b.targets for b in blocks])
-    return Poses(with_directions(rows, names), reachable, row_origin, measured, touched, sides, targets)
+    return Poses(
+        rows=with_directions(rows, names), reachable=np.concatenate([b.reachable for b in blocks]),
+        row_origin=row_origin, measured=together([b.measured for b in blocks]),
+        touched=together([b.touched for b in blocks]), sides=sides, targets=together([b.targets for b in blocks]),
+    )  # fmt: skip

@@ -80,7 +80,8 @@ def workspace_poses(
     at = replace(Rows.at(points.readings), partner=rows_before(model, len(points.readings)))
     rows = at_rest(model, at)
     point = lambda row: RowOrigin(None, row + 1, "")  # noqa: E731
-    return Poses(rows, np.ones(len(rows), dtype=bool), point, targets=points.poses), points.notes
+    reachable = np.ones(len(rows), dtype=bool)
+    return Poses(rows=rows, reachable=reachable, row_origin=point, targets=points.poses), points.notes
 
 
 def out_of_workspace(loaded: LoadedMachine) -> BadInput:

@@ -33,7 +33,11 @@ class TensionedRows:
 
 
 def tensions_ropes(model: Model) -> bool:
-    """Whether redundant drives that hold positions decide how ropes pull."""
+    """Whether redundant drives that hold positions decide how ropes pull, and it is stated how much these shall."""
+    return bool(_decides(model) and model.least_tensions)
+
+
+def _decides(model: Model) -> bool:
     return bool(model.exact.ropes and model.redundant_drives)
 
 
@@ -54,11 +58,13 @@ def tensioned_poses(to: Listener, loaded: LoadedMachine, values: Array, poses: P
     Rows of set values stay as they are. Raises BadInput for rows of a table that cannot be tensioned.
     """
     model, used = loaded.model, poses.poses
-    if used.targets is None or not tensions_ropes(model):
+    if used.targets is None or not _decides(model):
         return poses
     posed = np.nonzero(np.isfinite(used.targets).all(axis=1))[0]
-    if not (len(posed) and model.least_tensions):
-        to.notes([_UNTENSIONED] if len(posed) else [])
+    if not len(posed):
+        return poses
+    if not tensions_ropes(model):
+        to.notes([_UNTENSIONED])
         return poses
     made = tensioned(model, values, used.targets[posed], used.rows.take(posed))
     readings = used.rows.readings.copy()

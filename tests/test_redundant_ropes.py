@@ -1,0 +1,110 @@
+"""Redundant drives that hold ropes: set values of least tensions by a statics of its own, for forces of any size."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from pkmcal_cli.correction.quadratic_programme import Programme, solve
+from tests.command import clean, column, run
+from tests.redundant_ropes import Ropes, planar, spatial
+from tests.truth.pinned import Array
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def written(file: str, count: int) -> Array:
+    """Set values (n, R), m."""
+    return np.column_stack([column(file, f"q{i}") for i in range(1, count + 1)]) * 1e-3
+
+
+def assert_least(true: Ropes, least: float, readings: Array, places: Array) -> None:
+    """They hold the platform at the places, with the least tensions that do."""
+    for q, place in zip(readings, places, strict=True):
+        tensions = true.tensions(q, place)
+        assert np.abs(true.wrench(tensions, place)).max() < 1e-5 * tensions.max()
+        assert tensions.min() >= least * (1 - 1e-9)
+        assert tensions == pytest.approx(true.least(least, place), rel=1e-4)
+
+
+@pytest.mark.parametrize("least", [1.0, 100.0, 1000.0])
+def test_ropes_in_a_level_plane_tighten_though_the_tool_point_is_there_already(least: float) -> None:
+    """Without strain the point is where it shall be; whatever tightens the ropes moves it first."""
+    true, text = planar(50e3, least)
+    Path("m.yaml").write_text(text)
+    done = clean(run("correct", "m.yaml", "--grid", "x=300:1700:5,y=200:1300:5", "-o", "c.csv"))
+    assert done.code == 0 and "25 of 25 targets corrected" in done.err, done.err
+    places = np.column_stack([column("c.csv", f"target.{c}") for c in "xy"]) * 1e-3
+    assert_least(true, least, written("c.csv", 4), places)
+
+
+@pytest.mark.parametrize(
+    ("ea", "least", "crossed"),
+    [(200e3, 30.0, False), (200e3, 150.0, False), (5e6, 20e3, False), (200e3, 30.0, True), (200e3, 150.0, True)],
+)
+def test_a_platform_on_eight_ropes(ea: float, least: float, crossed: bool) -> None:
+    """Also where forces are large and none is limited, and where the drives that are not redundant do not hold it."""
+    true, text = spatial(ea, least, crossed=crossed)
+    Path("m.yaml").write_text(text)
+    done = clean(run("correct", "m.yaml", "--grid", "25", "-o", "c.csv"))
+    assert done.code == 0 and "25 of 25 targets corrected" in done.err, done.err
+    places = np.column_stack([column("c.csv", f"target.{c}") for c in "xyz"]) * 1e-3
+    assert_least(true, least, written("c.csv", 8), places)
+
+
+def test_plans_and_analyses_take_the_set_values_that_tension_the_ropes() -> None:
+    _, text = spatial(200e3, 100.0)
+    Path("m.yaml").write_text(text)
+    done = clean(run("plan", "m.yaml", "--grid", "25", "-o", "p.csv"))
+    assert done.code == 0 and "note: 25 poses with set values of least forces at which ropes keep `t_min`" in done.err
+    measured = {tuple(q) for q in np.round(written("p.csv", 8), 9)}
+    clean(run("correct", "m.yaml", "--grid", "25", "-q", "-o", "c.csv"))
+    assert measured == {tuple(q) for q in np.round(written("c.csv", 8), 9)}
+    found = clean(run("observability", "m.yaml", "--grid", "25", "--json")).json
+    stated = {p["name"]: p["std"] for p in found["parameters"]}
+    Path("loose.yaml").write_text(text.replace(", t_min: 100.0", ""))
+    loose = clean(run("observability", "loose.yaml", "--grid", "25", "--json"))
+    assert all(std is not None for std in stated.values())
+    assert {p["name"]: p["std"] for p in loose.json["parameters"]} != stated
+    assert "note: set values without strain: redundant drives tension ropes where these state `t_min`" in loose.err
+    refused = clean(run("plan", "loose.yaml", "--grid", "25"))
+    assert refused.code == 3 and "help: " in refused.err and "state `t_min` of the ropes" in refused.err
+
+
+def test_a_table_of_poses_that_cannot_be_tensioned_is_refused_and_set_values_stay() -> None:
+    _, text = planar(50e3, 100.0)
+    Path("m.yaml").write_text(text)
+    Path("t.csv").write_text("x,y\n500,500\n2500,700\n")
+    done = clean(run("plan", "m.yaml", "t.csv"))
+    assert done.code == 3 and "t.csv:3: " in done.err and "`t_min` of rope `r" in done.err
+    made = clean(run("correct", "m.yaml", "--grid", "x=300:1700:3,y=200:1300:3", "-q", "-o", "c.csv"))
+    assert made.code == 0
+    done = clean(run("plan", "m.yaml", "c.csv", "-o", "p.csv"))
+    assert done.code == 0 and "with set values of least forces" not in done.err
+    there, stated = np.unique(written("p.csv", 4), axis=0), np.unique(written("c.csv", 4), axis=0)
+    assert there == pytest.approx(stated, abs=1e-9)  # plans have nine digits
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("objective", [1e-6, 1.0, 1e6])
+def test_units_of_a_programme_do_not_matter(unit: float, objective: float) -> None:
+    """Of its unknowns and of its objective: the optimum is that of another solver."""
+    rng = np.random.default_rng(4)
+    root, slope, matrix = rng.normal(size=(2, 2)), 1e3 * rng.normal(size=2), rng.normal(size=(6, 2))
+    curvature, bound = root @ root.T + np.eye(2), rng.uniform(-1.0, 3.0, 6)
+    asked = Programme(
+        curvature=objective * curvature[None] * unit**2, slope=objective * slope[None] * unit,
+        matrix=matrix[None] * unit, bound=bound[None],
+    )  # fmt: skip
+    other = minimize(
+        lambda y: 0.5 * y @ curvature @ y + slope @ y, np.zeros(2), method="SLSQP",
+        constraints={"type": "ineq", "fun": lambda y: bound - matrix @ y}, options={"ftol": 1e-14, "maxiter": 500},
+    ).x  # fmt: skip
+    found = solve(asked)
+    assert found.excess[0] < 1e-7 and unit * found.y[0] == pytest.approx(other, rel=1e-5)  # as SLSQP ends
