@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from pkmcal_cli.base.errors import Location
 from pkmcal_cli.loading.printers.constants import ConstantReader, Line, Printer, Stated
@@ -60,20 +61,36 @@ def _bare(line: str) -> str:
 
 
 def _options(lines: Sequence[Line]) -> Options:
-    """Options by section and name, in small letters."""
-    written, saved = Options(), Options()
-    sections = {id(written): "", id(saved): ""}
-    for each in lines:
-        line = each.text
-        block = line.startswith(_SAVED)
-        into = saved if block else written
-        text = _bare(line.removeprefix(_SAVED)) if block else _bare(line)
-        if head := _SECTION.fullmatch(text):
-            sections[id(into)] = head[1].lower()
-        elif not line[:1].isspace() and (option := _OPTION.fullmatch(text)):
-            location = each.at(line.index(option[1]) + 1)
-            into[sections[id(into)], option[1].lower()] = Stated(option[2], location)
-    return saved | written
+    """Options by section and name, in small letters; a block of SAVE_CONFIG counts in the first file only."""
+    written, saved = _Sections(), _Sections()
+    for line in lines:
+        if not line.text.startswith(_SAVED):
+            written.take(line, line.text)
+        elif line.file == lines[0].file:
+            saved.take(line, line.text.removeprefix(_SAVED))
+    return saved.options | written.options
+
+
+@dataclass
+class _Sections:
+    """Takes lines as Python's configparser does: what stands further in than an option goes on with its value."""
+
+    options: Options = field(default_factory=dict)
+    section: str = ""
+    indent: int | None = None  # of an option that may go on
+
+    def take(self, line: Line, text: str) -> None:
+        """A line; `text`: without the mark of the block."""
+        bare, indent = _bare(text), len(text) - len(text.lstrip())
+        if not bare or (self.indent is not None and indent > self.indent):
+            return
+        if head := _SECTION.fullmatch(bare):
+            self.section, self.indent = head[1].lower(), None
+            return
+        self.indent = indent
+        if option := _OPTION.fullmatch(bare):
+            location = line.at(line.text.index(option[1]) + 1)
+            self.options[self.section, option[1].lower()] = Stated(option[2], location)
 
 
 class _Finder:
