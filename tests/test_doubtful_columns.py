@@ -31,6 +31,15 @@ def test_days_of_a_spreadsheet_are_no_seconds(tmp_path: Path) -> None:
     assert not found(tmp_path, HEAD, *(f"{ROW},{44546 + 600 * k}" for k in range(5))).warnings
 
 
+@pytest.mark.parametrize("first", ["1710239455900", "1710239455900000000", "20240312103055"])
+def test_milliseconds_and_digits_of_dates_are_no_seconds(first: str, tmp_path: Path) -> None:
+    """2024-03-12 10:30:55.9 since 1970 in ms and ns, and as digits; in s it is a time like others."""
+    (told,) = found(tmp_path, HEAD, *(f"{ROW},{int(first) + 1000 * k}" for k in range(5))).warnings
+    assert (told.code, told.severity) == ("csv-time", "warning")
+    assert first in told.what and "milliseconds since 1970" in told.what
+    assert not found(tmp_path, HEAD, *(f"{ROW},{1710239455.9 + 600 * k}" for k in range(5))).warnings
+
+
 def test_of_many_unused_columns_the_first_twenty_are_told(tmp_path: Path) -> None:
     foreign = ",".join(f"foreign{k}" for k in range(25))
     notes = found(tmp_path, f"q1,q2,q3,x,{foreign}", f"{ROW}{',9' * 25}").notes

@@ -12,7 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.errors import MAX_FAULTS, BadInput, Fault, Location
-from pkmcal_cli.csv_files.cells import cell_column, comment_flaw, number_flaw, number_of, time_flaw, time_of, width_flaw
+from pkmcal_cli.csv_files.cells import (
+    cell_column,
+    comment_flaw,
+    header_flaw,
+    number_flaw,
+    number_of,
+    time_flaw,
+    time_of,
+    width_flaw,
+)
 from pkmcal_cli.csv_files.dialect import QUOTE_HINT, SPACE, Flaw, Format, split_line
 from pkmcal_cli.csv_files.guarded import bare
 
@@ -154,6 +163,8 @@ class Parser:
                 self._blank_before += 1
             elif self._takes_comments and _COMMENT.match(line):
                 log.add(comment_flaw(number), line)
+            elif cells[: len(self.names)] == [cell.text for cell in self.format.header]:
+                log.add(header_flaw(number), line)
             elif not self.format.fits(cells):
                 log.add(width_flaw(cells, self.format, number), line)
             else:

@@ -104,6 +104,12 @@ def comment_flaw(line: int) -> Flaw:
     return Flaw("csv-comment", "below the header, a row that begins with `#` is not a comment", hint, line)
 
 
+def header_flaw(line: int) -> Flaw:
+    """The flaw of a row that is the header once more, as where tables were put one below the other."""
+    hint = "delete the line; tables of several sessions can have a column `session`, or be several files"
+    return Flaw("csv-header", "the header stands here again", hint, line)
+
+
 def width_flaw(cells: Sequence[str], form: Format, line: int) -> Flaw:
     """The flaw of a row that has not one cell for every name of the header, or does not end as the others do."""
     names = [cell.name for cell in form.header]

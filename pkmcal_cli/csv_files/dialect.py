@@ -137,7 +137,7 @@ def find_format(lines: Sequence[str]) -> Format | Flaw:
             comments.append(text[1:].strip())
         elif number == 1 and (match := _SEP_LINE.fullmatch(line)) and match[1] in SEPARATORS:
             separators = (match[1],)
-        elif text:
+        elif text.strip("".join(SEPARATORS)):
             return _decide(number, lines, separators, comments)
     return Flaw(
         "csv-empty",
@@ -286,7 +286,8 @@ def _misfit(trial: _Trial, header_line: int, line: int) -> Flaw:
     names, widths = len(trial.header), sorted(set(trial.widths))
     cells = count(widths[0], "cell") if len(widths) == 1 else f"{widths[0]} to {widths[-1]} cells"
     hint = f"line {header_line} is read as the header; begin lines before the header with `#`"
-    if trial.separator == "," and widths == [2 * names]:
+    numbers = trial.failing in (0, len(trial.widths))  # or ids and numbers
+    if trial.separator == "," and numbers and len(widths) == 1 and names < widths[0] <= 2 * names:
         hint = "export with `;` as separator or with decimal points: a decimal comma looks like the separator"
     message = f"the header has {count(names, 'column')}, the rows have {cells}"
     return Flaw("csv-width", message, hint, line)
