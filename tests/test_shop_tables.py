@@ -45,6 +45,12 @@ def test_remedies(cell: str, remedy: str, tmp_path: Path) -> None:
     assert remedy in str(fault.hint)
 
 
+def test_seconds_of_angles_are_no_open_quotes(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="a quote is not closed") as caught:
+        table(tmp_path, "x\ty\n105\u00b037'0.16\"\t38.5\n104\u00b03'1\"\t43\n")
+    assert "write angles as decimal numbers" in str(caught.value.faults[0].hint)
+
+
 @pytest.mark.parametrize("ids", [("1", "2"), ("p1", "p2")])
 def test_decimal_commas_between_commas_beside_whole_ids(ids: tuple[str, str], tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="5 cells") as caught:

@@ -139,11 +139,8 @@ def find_format(lines: Sequence[str]) -> Format | Flaw:
             separators = (match[1],)
         elif text.strip("".join(SEPARATORS)):
             return _decide(number, lines, separators, comments)
-    return Flaw(
-        "csv-empty",
-        "this file contains no table",
-        "write a header with the column names, then one line per pose",
-    )
+    hint = "write a header with the column names, then one line per pose"
+    return Flaw("csv-empty", "this file contains no table", hint)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -259,9 +256,8 @@ def _decide(number: int, lines: Sequence[str], separators: Sequence[str], commen
         return Flaw("csv-quote", "a quote in the header is not closed", QUOTE_HINT, number)
     if len(trial.header) > MAX_COLUMNS:
         message = f"the header has {len(trial.header)} columns; a table can have {MAX_COLUMNS}"
-        return Flaw(
-            "csv-columns", message, "check the line ends; write one row per pose, one column per reading", number
-        )
+        hint = "check the line ends; write one row per pose, one column per reading"
+        return Flaw("csv-columns", message, hint, number)
     if all(is_number(name, trial.decimal) for name in trial.header):
         hint = "name the columns in the first line, with units: `q1 [mm]`"
         return Flaw("csv-header", "the first line contains numbers instead of column names", hint, number)
@@ -284,6 +280,8 @@ def _decide(number: int, lines: Sequence[str], separators: Sequence[str], commen
 def _misfit(trial: _Trial, header_line: int, line: int) -> Flaw:
     """No row has as many cells as the header: one flaw for all of them."""
     names, widths = len(trial.header), sorted(set(trial.widths))
+    if widths == [0]:
+        return Flaw("csv-quote", "a quote is not closed", f"{QUOTE_HINT}; write angles as decimal numbers", line)
     cells = count(widths[0], "cell") if len(widths) == 1 else f"{widths[0]} to {widths[-1]} cells"
     hint = f"line {header_line} is read as the header; begin lines before the header with `#`"
     numbers = trial.failing in (0, len(trial.widths))  # or ids and numbers
