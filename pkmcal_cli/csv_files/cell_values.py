@@ -1,4 +1,4 @@
-"""Tilts lines of a measurement table into arrays; what is no value becomes a fault with its place."""
+"""Turns lines of a measurement table into arrays; what is no value becomes a fault with its place."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ def _instant(cell: str) -> datetime | None:
 
 
 def number_flaw(cell: str, form: Format, column: str, line_column: tuple[int, int]) -> Flaw:
-    """The flaw of a cell that should be a number; `place` is its line and its index in the row."""
+    """The flaw of a cell that should be a number; `line_column` is its line and its index in the row."""
     if _INFINITE.fullmatch(cell) or is_number(cell, form.decimal):
         message = f"`{_short(cell)}` in column `{column}` is not finite"
         return Flaw("csv-number", message, LEAVE_EMPTY, *line_column)

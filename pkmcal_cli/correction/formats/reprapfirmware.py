@@ -86,7 +86,7 @@ class _Spools:
 
     @property
     def _gear(self) -> Array:
-        """Tilts of the motor per turn of the spool, strands included."""
+        """Turns of the motor per turn of the spool, strands included."""
         return np.asarray(self.strands * self.spool / self.motor)
 
     def radii(self, gains: Array) -> Array:
