@@ -157,7 +157,7 @@ def acceptance(results: Results) -> Acceptance | None:
         problem, values = verification.problem, verification.values
     else:
         problem, values, state = results.calibrated.problem, results.calibrated.fit.before.values, "as built"
-    problem = replace(problem, rows=with_directions(problem.rows, [a.name for a in problem.model.actuators]))
+    problem = replace(problem, rows=with_directions(problem.rows, problem.model.drive_names))
     targets = measured_targets(problem, evaluate(problem, values, ()))
     if targets is None:
         return None
