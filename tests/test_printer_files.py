@@ -21,14 +21,19 @@ variable-x: 3
   [printer]
 gcode:
 \tdelta_radius: 3
-[stepper_b]
+[stepper_b] at the back
 
-  # of the tower at the back
+  # of the tower
   position_endstop = 301.75
   angle: 329.5 ; measured
 [stepper_c]
     position_endstop: 302
     arm_length: 200.5
+"""
+SAVED = """
+#*# <---------------------- SAVE_CONFIG ---------------------->
+#*# DO NOT EDIT THIS BLOCK OR BELOW. The contents are auto-generated.
+#*#
 """
 DELTA_G = "M665 L361.7 R180.7 H470\nM666 X-0.748 Y-0.006 Z0.755\n"
 SLIDEPRINTER_G = "M669 K6 N3\nM669 A0:-1900:0 B1645:950:0 C-1645:950:0\nM666 Q0 R30:30:30 U1:1:1 L20:20:20 H20:20:20\n"
@@ -71,12 +76,20 @@ def test_indented_options_are_those_of_the_parser_of_klipper() -> None:
 
 
 def test_only_the_first_file_has_a_block_of_save_config() -> None:
-    """In a file that is included the block is a remark."""
-    old = "#*# [stepper_c]\n#*# angle = 89\n#*# [printer]\n#*# delta_radius = 3\n"
-    Path("old.cfg").write_text(f"[mcu]\nserial: x\n{old}")
-    saved = "#*# [stepper_b]\n#*# arm_length = 200.125\n"
-    found = constants(f"[include old.cfg]\n{KLIPPER}{saved}", "printer.cfg")
-    assert (found["angle_c"], found["delta_radius"], found["arm_b"]) == (90, 100.5, 200.125)
+    """In a file that is included, and above its beginning, the block is a remark."""
+    Path("old.cfg").write_text(f"[mcu]\nserial: x\n{SAVED}#*# [stepper_c]\n#*# angle = 89\n")
+    remarks = "#*#\n#*#[printer]\n#*#delta_radius = 3\n#*# [stepper_a]\n#*# angle = 3\n"
+    saved = f"{SAVED}#*# [stepper_b]\n#*# arm_length = 200.125\n#*# x = \n#*# \tangle = 4\n\n"
+    found = constants(f"[include old.cfg]\n{remarks}{KLIPPER}{saved}", "printer.cfg")
+    assert [found[n] for n in ("angle_c", "angle_a", "delta_radius", "arm_b")] == [90, 210, 100.5, 200.125]
+    assert found["angle_b"] == 329.5
+
+
+@pytest.mark.parametrize("added", ["angle: 89", "", "[stepper_c]", "#*#angle = 89"])
+def test_a_block_that_klipper_ignores_is_refused(added: str) -> None:
+    """One line that it did not write, and it takes none of them."""
+    error = told(f"{KLIPPER}{SAVED}#*# [stepper_b]\n{added}\n#*# arm_length = 200.125\n", "printer.cfg")
+    assert "a line in the block of SAVE_CONFIG" in error and "printer.cfg:25:1" in error and "move it above" in error
 
 
 def test_commands_in_conditions_are_refused() -> None:
