@@ -109,6 +109,12 @@ def test_commands_of_other_firmware_are_refused(letter: str) -> None:
     assert f"M665 {letter[0]} is none of RepRapFirmware" in error and "other sign" in error and "config.g:1:25" in error
 
 
+def test_a_parameter_that_a_command_has_twice_is_refused() -> None:
+    error = told(DELTA_G.replace("H470", "H470 r181"))
+    assert "M665 has R twice" in error and "config.g:1:25" in error and "takes the first" in error
+    assert constants(f"{DELTA_G}M665 R181\nM665 R182 M665 R183\n", "config.g")["radius"] == 183
+
+
 def test_three_anchors_are_one_fault() -> None:
     error = told(SLIDEPRINTER_G)
     assert "3 anchors cannot be read" in error and error.count("error[") == 1

@@ -94,9 +94,14 @@ def _words(lines: Sequence[Line], reader: ConstantReader) -> Words:
             if line.file in blocks:
                 hint = "write the values that hold, without conditions, into a copy of the file"
                 reader.fault(f"M{command[1]} stands in a condition", line.at(command.start() + 1), hint)
+            letters = set[str]()
             for word in _WORD.finditer(command[2]):
-                location = line.at(command.start(2) + word.start() + 1)
-                out[command[1], word[1].upper()] = Stated(word[2] or "", location)
+                location, letter = line.at(command.start(2) + word.start() + 1), word[1].upper()
+                if letter in letters:
+                    hint = "delete one of them; the firmware takes the first"
+                    reader.fault(f"M{command[1]} has {letter} twice", location, hint)
+                letters.add(letter)
+                out[command[1], letter] = Stated(word[2] or "", location)
     return out
 
 
