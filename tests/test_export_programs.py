@@ -105,6 +105,19 @@ def test_nor_is_one_of_a_plan() -> None:
     assert max(len(line.encode()) for line in text.splitlines()) <= 252 and len(moves(text)) >= 4
 
 
+@pytest.mark.parametrize(
+    "name", ["py, import os", " LogOpen,x.txt", "abort, no", "a" * 233 + "msg,hello", "\u20ac" * 53 + "print,1"]
+)
+def test_names_are_no_remarks_that_linuxcnc_carries_out(name: str) -> None:
+    """It does so in remarks of both kinds, behind any blanks: a table of targets could open files, or run Python."""
+    Path("t.csv").write_text(f'id,x,y,z\n"{name}",0,0,50\nb,10,0,50\n', encoding="utf-8")
+    export("gcode", DELTA, "t.csv")
+    text = Path("out.txt").read_text(encoding="utf-8")
+    remarks = [line.partition(";")[2].strip().lower() for line in text.splitlines() if ";" in line]
+    words = ("msg,", "debug,", "print,", "log,", "logopen,", "logappend,", "logclose", "py,", "pyrun,", "abort,")
+    assert [line for line in remarks if line.startswith(words)] == [] and len(remarks) > 10
+
+
 def test_an_angle_of_a_planar_machine_is_c() -> None:
     """A turntable on a slide whose zeros are off: words X and C, the corrected ones."""
     Path("m.yaml").write_text(
