@@ -22,6 +22,12 @@ def test_lines_of_separators_above_the_header_are_empty_lines(above: str, tmp_pa
     assert [read.numbers[n].tolist() for n in "xyz"] == [[1.5, 4.0], [2.0, 5.5], [3.0, 6.0]]
 
 
+def test_remarks_that_a_spreadsheet_has_saved(tmp_path: Path) -> None:
+    """In quotes where they contain its separator, and with a cell for every column; `"#"` may be the name of one."""
+    read = table(tmp_path, '"# simulated; by ""us""";;\n# kind: a;;\n"#";x;y\n1;1,5;2\n')
+    assert read.numbers["x"].tolist() == [1.5] and "simulated: no measurements" in read.notes
+
+
 REMEDIES = {
     "minus behind": ("12.5-", "before the number: `-12.5`"),
     "dash behind": ("12.5\u2212", "before the number: `-12.5`"),

@@ -26,6 +26,7 @@ _NUMBER = {
     ",": re.compile(r"[+-]?(?:[0-9]+,?[0-9]*|,[0-9]+)" + _EXPONENT),
 }
 _WORD = re.compile(r'"([^"]*)"|((?:[^\s\["]|\[[^\]]*\]|\[|")+)')
+_COMMENT = re.compile(r'#(.*)|"#((?:[^"]|"")*)"[,;\t| ]*')  # the second as spreadsheets save the first
 _SEP_LINE = re.compile(r"\s*sep=(.)\s*", re.IGNORECASE)
 MAX_COLUMNS = 10_000
 """More columns than any machine has: the table is turned, or its line ends are lost."""
@@ -133,8 +134,8 @@ def find_format(lines: Sequence[str]) -> Format | Flaw:
     separators: tuple[str, ...] = SEPARATORS
     for number, line in enumerate(lines, start=1):
         text = line.strip()
-        if text.startswith("#"):
-            comments.append(text[1:].strip())
+        if match := _COMMENT.fullmatch(text):
+            comments.append((match[1] or match[2] or "").strip())
         elif number == 1 and (match := _SEP_LINE.fullmatch(line)) and match[1] in SEPARATORS:
             separators = (match[1],)
         elif text.strip("".join(SEPARATORS)):
