@@ -64,11 +64,12 @@ def test_decimal_commas_between_commas_beside_whole_ids(ids: tuple[str, str], tm
     assert "a decimal comma looks like the separator" in str(caught.value.faults[0].hint)
 
 
+@pytest.mark.parametrize("mark", ["", "\ufeff"])
 @pytest.mark.parametrize("header", ["id,x [mm],y", '"id","x [mm]","y"'])
-def test_a_header_among_the_rows(header: str, tmp_path: Path) -> None:
-    """Two tables, one below the other."""
+def test_a_header_among_the_rows(header: str, mark: str, tmp_path: Path) -> None:
+    """Two tables, one below the other, each with its byte order mark if it has one."""
     with pytest.raises(BadInput) as caught:
-        table(tmp_path, f"{header}\n1,2,3\n4,5,6\n{header}\n7,8,9\n")
+        table(tmp_path, f"{mark}{header}\n1,2,3\n4,5,6\n{mark}{header}\n7,8,9\n")
     (fault,) = caught.value.faults
     assert fault.code == "csv-header" and fault.where is not None and fault.where.line == 4
     assert "delete the line" in str(fault.hint) and "session" in str(fault.hint)
