@@ -125,3 +125,15 @@ def test_compensation_of_flex_is_noted(more: str, noted: bool) -> None:
     Path("config.g").write_text(f"{HANGPRINTER_G}M666 {more}\n")
     done = run("new", "--from", "config.g", "-o", "m.yaml")
     assert done.code == 0 and ("has no compensation of flex" in done.err) is noted
+
+
+def test_a_hangprinter_with_buildup_comes_back() -> None:
+    """new, correct --as, new: anchors and radii of the true machine; they were a millimetre off beside the build-up."""
+    before = constants(HANGPRINTER_G, "config.g")
+    true = {"Ax": 5.0, "Ay": -1610.25, "Dz": 2350.5, "radius_A": 65.4, "radius_D": 64.9}
+    Path("p.yaml").write_text(f"parameters: {{{', '.join(f'{n}: {v}' for n, v in true.items())}}}\n")
+    grid = "x=-300:300:3,y=-300:300:3,z=100:900:3"
+    done = run("correct", "m.yaml", "--grid", grid, "-p", "p.yaml", "--as", "reprapfirmware", "-o", "out.g", "-q")
+    assert done.code == 0, done.err
+    assert "M666 Q0.0356 " in Path("out.g").read_text()
+    assert constants(Path("out.g").read_text(), "again.g") == pytest.approx(before | true, abs=5e-3)
