@@ -10,7 +10,7 @@ from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.tables.measurements import read_measurements
-from tests.command import TRIGLIDE
+from tests.command import MACHINES, TRIGLIDE
 
 HEAD = "q1,q2,q3,x,time"
 ROW = "366.025,500,633.975,450"
@@ -29,6 +29,15 @@ def test_days_of_a_spreadsheet_are_no_seconds(tmp_path: Path) -> None:
     assert (told.code, told.severity) == ("csv-time", "warning")
     assert "looks like a spreadsheet's day (2021-12-16)" in told.what
     assert not found(tmp_path, HEAD, *(f"{ROW},{44546 + 600 * k}" for k in range(5))).warnings
+
+
+@pytest.mark.parametrize("first", ["1710239455900", "1710239455900000000", "20240312103055"])
+def test_milliseconds_and_digits_of_dates_are_no_seconds(first: str, tmp_path: Path) -> None:
+    """2024-03-12 10:30:55.9 since 1970 in ms and ns, and as digits; in s it is a time like others."""
+    (told,) = found(tmp_path, HEAD, *(f"{ROW},{int(first) + 1000 * k}" for k in range(5))).warnings
+    assert (told.code, told.severity) == ("csv-time", "warning")
+    assert first in told.what and "milliseconds since 1970" in told.what
+    assert not found(tmp_path, HEAD, *(f"{ROW},{1710239455.9 + 600 * k}" for k in range(5))).warnings
 
 
 def test_of_many_unused_columns_the_first_twenty_are_told(tmp_path: Path) -> None:
@@ -60,3 +69,13 @@ def test_degrees_fahrenheit_are_to_be_converted(unit: str, tmp_path: Path) -> No
         found(tmp_path, f"{HEAD.rpartition(',')[0]},T [{unit}]", f"{ROW},68")
     (fault,) = caught.value.faults
     assert fault.hint is not None and "(F - 32)/1.8" in fault.hint
+
+
+@pytest.mark.parametrize("unit", ["Grad", "grad", "gon"])
+def test_gon_and_german_degrees_are_no_radians(unit: str, tmp_path: Path) -> None:
+    """`Grad` are degrees in German, and grad 0.9 degrees in surveying."""
+    (tmp_path / "m.csv").write_text(f"q1 [{unit}],q2 [deg],ballbar [mm]\n105,38,99\n", encoding="utf-8")
+    with pytest.raises(BadInput) as caught:
+        read_measurements([str(tmp_path / "m.csv")], read_machine(str(MACHINES / "five-bar.yaml")))
+    hint = str(caught.value.faults[0].hint)
+    assert "did you mean `deg`?" in hint and "1 gon is 0.9 deg" in hint

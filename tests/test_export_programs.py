@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.command import MACHINES, Done, run
+from tests.command import MACHINES, TRIGLIDE, Done, run
 from tests.export_readers import Array, carriage
 from tests.test_export_firmware import TRUE, points, true_heights, true_position
 from tests.test_export_tables import STACKED
@@ -83,6 +83,39 @@ def test_names_of_targets_cannot_write_commands() -> None:
     assert done.code == 0, done.err
     found = moves(Path("out.txt").read_text())
     assert len(found) == 2 and all(abs(m["X"]) < 1 for m in found)
+
+
+@pytest.mark.parametrize("name", ["a" * 300, "\u20ac" * 300, "word " * 90])
+def test_no_line_is_too_long_for_linuxcnc(name: str) -> None:
+    """It refuses programs with a line of more than 252 bytes; a name, a note or an argument may be longer."""
+    Path("t.csv").write_text(f"id,x,y,z\n{name},0,0,50\nb,10,0,50\n", encoding="utf-8")
+    export("gcode", DELTA, "t.csv")
+    text = Path("out.txt").read_text(encoding="utf-8")
+    assert max(len(line.encode()) for line in text.splitlines()) <= 252 and len(moves(text)) == 2
+    remarks = "".join(line[2:] for line in text.splitlines() if line.startswith(";"))
+    assert name.strip() in remarks and all(line[:1] in ";GM" for line in text.splitlines())
+
+
+def test_nor_is_one_of_a_plan() -> None:
+    session = "monday " * 60
+    Path("t.csv").write_text(f"id,x [mm],y [mm],session\na,300,250,{session}\nb,350,260,{session}\n")
+    planned = run("plan", TRIGLIDE, "t.csv", "--as", "gcode", "-o", "plan.ngc", "-q")
+    assert planned.code == 0, planned.err
+    text = Path("plan.ngc").read_text()
+    assert max(len(line.encode()) for line in text.splitlines()) <= 252 and len(moves(text)) >= 4
+
+
+@pytest.mark.parametrize(
+    "name", ["py, import os", " LogOpen,x.txt", "abort, no", "a" * 233 + "msg,hello", "\u20ac" * 53 + "print,1"]
+)
+def test_names_are_no_remarks_that_linuxcnc_carries_out(name: str) -> None:
+    """It does so in remarks of both kinds, behind any blanks: a table of targets could open files, or run Python."""
+    Path("t.csv").write_text(f'id,x,y,z\n"{name}",0,0,50\nb,10,0,50\n', encoding="utf-8")
+    export("gcode", DELTA, "t.csv")
+    text = Path("out.txt").read_text(encoding="utf-8")
+    remarks = [line.partition(";")[2].strip().lower() for line in text.splitlines() if ";" in line]
+    words = ("msg,", "debug,", "print,", "log,", "logopen,", "logappend,", "logclose", "py,", "pyrun,", "abort,")
+    assert [line for line in remarks if line.startswith(words)] == [] and len(remarks) > 10
 
 
 def test_an_angle_of_a_planar_machine_is_c() -> None:

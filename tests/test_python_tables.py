@@ -138,3 +138,13 @@ def test_a_force_controlled_drive_and_labels_come_through() -> None:
     found = pkmcal.calibrate("hangprinter", MACHINES / "hangprinter_2021-12-16.csv", holdout="none")
     again = pkmcal.calibrate("hangprinter", found.table, holdout="none")
     assert again.parameters.value.to_numpy() == pytest.approx(found.parameters.value.to_numpy(), rel=1e-7)
+
+
+@pytest.mark.parametrize("function", [pkmcal.calibrate, pkmcal.diagnose, pkmcal.improve])
+def test_a_row_out_of_reach_is_a_warning(function: Callable[..., pkmcal.Calibration], tmp_path: Path) -> None:
+    """The closed loop of the Biglide: with both carriages at 1 mm and a leg of 301 mm its rods do not meet there."""
+    table = MACHINES / "biglide.csv"
+    (tmp_path / "t.csv").write_text(f"{table.read_text()}\nmean,1,1,1,1,1\n")
+    row = function("biglide", tmp_path / "t.csv").warnings
+    assert [w.endswith(": not used") and "(mean): out of reach" in w for w in row].count(True) == 1
+    assert "1 of 61 rows is not used" in row

@@ -131,6 +131,20 @@ def test_numbers_stay_whole_at_any_width(
             assert part in text
 
 
+def test_columns_that_all_name_their_row_are_shown_too() -> None:
+    rows = [("a_long_name_of_a_run", "2021-12-16T10:30", "another_long_name")]
+    laid = laid_out(columns_of(("run", "date", "machine"), rows, 3, ()), 24, 3)
+    shown = "".join("".join(laid.lines).split())
+    assert [part for part in ("2021-12-16T10:30", "date", "machine") if part not in shown] == []
+
+
+@pytest.mark.parametrize("width", [40, 60])
+def test_the_catalogue_is_shown_on_narrow_terminals(width: int) -> None:
+    ((code, text),) = on_terminal(width, ("effects",))
+    assert code == 0 and plain(text).count("backlash") >= 1 and "acts on" in plain(text)
+    assert all(len(line) <= width for table in tables_of(text) for line in table if "`" not in line and ":" not in line)
+
+
 def test_folded_texts_keep_all_their_letters() -> None:
     name = "thermal_expansion@strut_of_the_left_arm.alpha_per_kelvin"
     laid = laid_out(columns_of(("name", "value"), [(name, "12.5 um")], 1, ()), 30, 1)

@@ -177,6 +177,7 @@ def calibrate(
     record = Record()
     with computing():
         calibrated = calibration(setting(request, known.loaded), record)
+        calibrated.report.failed.show(record)
     result = Calibration(machine=known, outcome=calibrated, **messages_of(record))
     if not result.ok:
         warnings.warn(result.verdict, PkmcalWarning, stacklevel=2)

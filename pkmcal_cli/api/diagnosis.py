@@ -120,5 +120,6 @@ def diagnose(
         case = prepare(request, record, machine=known.receptive)
         diagnosis = diagnosed(case, alpha, whole("seed", seed), record)
         report = DiagnosisReport(case.loaded.machine, case.measured, diagnosis)
+        report.failed.show(record)
         Loads.of_fit(diagnosis.search.problem, diagnosis.search.fit, partial(origin_of, case.measured)).show(record)
     return Diagnosis(machine=known, case=case, report=report, **messages_of(record))

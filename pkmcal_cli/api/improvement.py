@@ -164,10 +164,8 @@ def improve(
     where the work has come to. Raises PkmcalError.
     """
     known = load(machine)
-    case = CaseRequest(
-        machine=known.file, measurements=sources_of(measurements), select=names_of(select),
-        parameters=parameters_of(parameters), loss=loss, prior=prior,
-    )  # fmt: skip
+    case = CaseRequest(machine=known.file, measurements=sources_of(measurements), select=names_of(select),
+                       parameters=parameters_of(parameters), loss=loss, prior=prior)  # fmt: skip
     apart = None if validation is None else source_of(validation, "validation")
     request = ImproveRequest(case=case, validation=apart, only=only, alpha=alpha, seed=whole("seed", seed),
                              jobs=whole("jobs", jobs))  # fmt: skip
@@ -178,6 +176,7 @@ def improve(
         made = improved.report.improvement
         if made.broken is not None:
             raise made.broken
+        improved.report.diagnosis.failed.show(record)
         Loads.of_fit(made.problem, made.fit, partial(origin_of, prepared.measured)).show(record)
     for reason in improved.odd[len(prepared.hints) :]:
         record.warn(f"implausible: {reason}")

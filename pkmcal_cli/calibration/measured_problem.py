@@ -30,7 +30,7 @@ def problem_of(model: Model, measurements: Measurements) -> Problem:
     drive_sigma = np.where(np.isnan(measurements.actuator_sigma), drives, measurements.actuator_sigma)
     readings, stated = (_by_channel(model, measurements, x) for x in (measurements.readings, measurements.sigma))
     rows = Rows(np.asarray(measurements.actuators, dtype=float), np.asarray(measurements.forces, dtype=float))
-    rows = with_directions(with_covariates(rows, measurements), [a.name for a in model.actuators])
+    rows = with_directions(with_covariates(rows, measurements), model.drive_names)
     rows = replace(rows, partner=measurements.partners)
     sigma = stated_sigma(model, readings)
     gains = [model.gains[c.index] if c.measurand is Measurand.DRIVE else 1.0 for c in model.channels]

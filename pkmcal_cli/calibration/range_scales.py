@@ -217,7 +217,7 @@ def _student_weights(rng: np.random.Generator, squares: Array) -> Array:
 def _of_kinds(
     rng: np.random.Generator, squares: Array, kind_of: NDArray[np.intp], on: NDArray[np.bool_], kinds: int
 ) -> Array:
-    """tau^2 (M, K) given weighted squares of offsets (M, q) of kinds `place` (q,); 1 where none is identified."""
+    """tau^2 (M, K) given weighted squares of offsets (M, q) of kinds `kind_of` (q,); 1 where none is identified."""
     out = np.ones((len(squares), kinds))
     for k in np.unique(kind_of[on]):
         count = int((on & (kind_of == k)).sum())

@@ -37,9 +37,8 @@ class Assessment:
     @property
     def remarks(self) -> list[str]:
         """What is to be said of every row, "" for nothing."""
-        turned = self.correction.turned
-        every = zip(self.weak, self.outside, turned, strict=True)
-        return ["; ".join(_remarks(weak, names, round_)) for weak, names, round_ in every]
+        every = zip(self.weak, self.outside, self.correction.turned, strict=True)
+        return ["; ".join(_remarks(weak, names, turned)) for weak, names, turned in every]
 
 
 def _remarks(weak: bool, outside: tuple[str, ...], turned: bool) -> list[str]:

@@ -129,7 +129,7 @@ def _without_side(model: Model, rows: Rows) -> NDArray[np.bool_]:
 
 
 def _directed(model: Model, rows: Rows) -> Rows:
-    return with_directions(rows, [a.name for a in model.actuators])
+    return with_directions(rows, model.drive_names)
 
 
 def _differ(one: Rows, other: Rows) -> NDArray[np.bool_]:

@@ -68,6 +68,18 @@ def drive_tables(case: ExportCase, digits: Callable[[int], Digits]) -> list[Driv
     return [t.rounded(digits(a).correction) for a, t in zip(case.drives, tables, strict=True)]
 
 
+def decimal_digits(case: ExportCase) -> Callable[[int], Digits]:
+    """Digits of a format with decimal numbers in the unit of a drive: three of positions, six of corrections."""
+    return lambda a: Digits(position=case.unit(a).to_si(1e-3), correction=case.unit(a).to_si(1e-6))
+
+
+def decimals(case: ExportCase, drive: int, table: DriveTable) -> list[tuple[str, str, str]]:
+    """Knots with their corrections forward and reverse, in these digits."""
+    unit = case.unit(drive)
+    rows = zip(table.knots, table.forward, table.reverse, strict=True)
+    return [(f"{unit.from_si(k):.3f}", f"{unit.from_si(f):.6f}", f"{unit.from_si(r):.6f}") for k, f, r in rows]
+
+
 def sent(case: ExportCase, tables: Sequence[DriveTable]) -> Array:
     """Set values (n, A) of a control that adds the corrections of its tables."""
     out, sides = case.commanded.copy(), case.sides(case.commanded)

@@ -114,7 +114,7 @@ class ExportCase:
 
     def _directed(self, set_values: Array) -> Rows:
         rows = replace(self.circumstances, readings=set_values)
-        return with_directions(rows, [a.name for a in self.model.actuators])
+        return with_directions(rows, self.model.drive_names)
 
     @cached_property
     def weights(self) -> Array:

@@ -25,6 +25,9 @@ _EXPONENT = re.compile(
 _LACKING = re.compile(r"([+-]?[0-9.,]+)[eE][+-]?")
 _COMMENT = re.compile(r"(.*?)\s*(#|//|;|!|/\*|\().*")
 _DATE = re.compile(r"([0-9]{1,4})([./-])([0-9]{1,2})\2([0-9]{1,4})(?:[ T,]+([0-9]{1,2}:[0-9]{2}(?::[0-9.]+)?))?.*")
+_GERMAN_DATE = re.compile(r"[0-9]{1,2}\.[0-9]{1,2}\.(?:[0-9]{2}|[0-9]{4})")
+_MONTHS = "jan|f[eé][bv]|m[aä]r|mrz|a[pv]r|ma[iy]|ju[inl]|aug|ao[uû]|sep|o[ck]t|nov|d[eé][cz]"
+_MONTH = re.compile(rf"(?=.*[0-9])[0-9]{{0,2}}[. -]*(?:{_MONTHS})[a-zéû]*[. -]*[0-9]{{0,4}}", re.IGNORECASE)
 _CLOCK = re.compile(r"[0-9]{1,3}:[0-9]{2}(?::[0-9]{2}(?:[.,][0-9]+)?)?(?:\s*[AaPp][Mm])?")
 _WORDS = {"true", "false", "yes", "no", "on", "off", "wahr", "falsch", "ja", "nein", "vrai", "faux", "y", "n", "t", "f"}
 _QUANTITY = re.compile(r"[+-]?[0-9.,]+(?:[eE][+-]?[0-9]+)?\s*([A-Za-zµμ°%].*)")
@@ -70,6 +73,10 @@ def _marks(cell: str, decimal: str, column: str) -> Iterator[str]:
         yield f"write the decimal mark as `{decimal}`: `{cell.replace(';', decimal)}`"
     if cell[:1] in _MINUS and is_number(cell[1:], decimal):
         yield f"write the minus sign as `-`: `-{cell[1:]}`"
+    if cell[-1:] in ("-", *_MINUS) and is_number(cell[:-1], decimal):
+        yield f"write the minus sign before the number: `-{cell[:-1]}`"
+    if cell[:1] == "(" and cell[1:2] not in "+-" and cell[-1:] == ")" and is_number(cell[1:-1], decimal):
+        yield f"write a negative number as `-{cell[1:-1]}`, or {LEAVE_EMPTY}"
     bare = cell.lstrip("+-")
     if bare != cell and len(cell) - len(bare) > 1 and is_number(bare, decimal):
         yield "write one sign before the number"
@@ -77,7 +84,7 @@ def _marks(cell: str, decimal: str, column: str) -> Iterator[str]:
         if extra in cell and is_number(plain := cell.replace(extra, ""), decimal):
             extras = "underscores" if extra == "_" else "blanks and quotes"
             yield f"write the number without {extras}: `{plain}`"
-    if re.fullmatch(r"[+-]?[0-9]*(?:[.,]+[0-9]*){2,}", cell):
+    if re.fullmatch(r"[+-]?[0-9]*(?:[.,]+[0-9]*){2,}", cell) and not _GERMAN_DATE.fullmatch(cell):
         yield "write one number with one decimal mark; two numbers need a separator between them"
 
 
@@ -103,7 +110,7 @@ def _exponent(cell: str, decimal: str, column: str) -> Iterator[str]:
 
 def _time(cell: str, decimal: str, column: str) -> Iterator[str]:
     """Dates and times of day."""
-    if not (_DATE.fullmatch(cell) or _CLOCK.fullmatch(cell) or _reads_as_time(cell)):
+    if not any(form.fullmatch(cell) for form in (_DATE, _MONTH, _CLOCK)) and not _reads_as_time(cell):
         return
     if column == "time":
         yield _TIME_HINT
@@ -154,7 +161,7 @@ def _word(cell: str, decimal: str, column: str) -> Iterator[str]:
 
 def _unit(cell: str, column: str) -> Iterator[str]:
     match = _QUANTITY.fullmatch(cell)
-    unit = match[1] if match else cell
+    unit = match[1] if match else cell.strip("[]()")  # of a line of units below the header
     try:
         parse_unit(unit)
     except UnitError:

@@ -1,4 +1,4 @@
-"""Tilts lines of a measurement table into arrays; what is no value becomes a fault with its place."""
+"""Turns lines of a measurement table into arrays; what is no value becomes a fault with its place."""
 
 from __future__ import annotations
 
@@ -12,13 +12,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.errors import MAX_FAULTS, BadInput, Fault, Location
-from pkmcal_cli.csv_files.cells import cell_column, comment_flaw, number_flaw, number_of, time_flaw, time_of, width_flaw
+from pkmcal_cli.csv_files.cells import (
+    cell_column,
+    comment_flaw,
+    header_flaw,
+    number_flaw,
+    number_of,
+    time_flaw,
+    time_of,
+    width_flaw,
+)
 from pkmcal_cli.csv_files.dialect import QUOTE_HINT, SPACE, Flaw, Format, split_line
 from pkmcal_cli.csv_files.guarded import bare
 
 Kind = Literal["number", "text", "time", "skip"]
 """What cells are: ISO 8601 "time" is read as seconds since 1970-01-01 UTC, "skip" is not read."""
 
+_AROUND = '\ufeff"'  # a name where a file with a byte order mark was put behind another one
 _COMMENT = re.compile(r"^[^\S\n]*#", re.MULTILINE)
 
 FloatArray = NDArray[np.float64]
@@ -144,6 +154,7 @@ class Parser:
         """Line by line, whole columns at once; cell by cell where one is odd."""
         rows: list[list[str]] = []
         numbers: list[int] = []
+        header = [cell.text for cell in self.format.header]
         for number, line in enumerate(lines, start=first_line):
             cells = split_line(line, self.format.separator)
             if "\0" in line:
@@ -154,6 +165,8 @@ class Parser:
                 self._blank_before += 1
             elif self._takes_comments and _COMMENT.match(line):
                 log.add(comment_flaw(number), line)
+            elif cells[1 : len(header)] == header[1:] and cells[0].strip(_AROUND) == header[0]:
+                log.add(header_flaw(number), line)
             elif not self.format.fits(cells):
                 log.add(width_flaw(cells, self.format, number), line)
             else:

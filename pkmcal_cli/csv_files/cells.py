@@ -68,7 +68,7 @@ def _instant(cell: str) -> datetime | None:
 
 
 def number_flaw(cell: str, form: Format, column: str, line_column: tuple[int, int]) -> Flaw:
-    """The flaw of a cell that should be a number; `place` is its line and its index in the row."""
+    """The flaw of a cell that should be a number; `line_column` is its line and its index in the row."""
     if _INFINITE.fullmatch(cell) or is_number(cell, form.decimal):
         message = f"`{_short(cell)}` in column `{column}` is not finite"
         return Flaw("csv-number", message, LEAVE_EMPTY, *line_column)
@@ -102,6 +102,12 @@ def comment_flaw(line: int) -> Flaw:
     """The flaw of a row that is commented out, or whose id looks like it."""
     hint = "delete the row; if the `#` belongs to its first cell, put that cell in quotes"
     return Flaw("csv-comment", "below the header, a row that begins with `#` is not a comment", hint, line)
+
+
+def header_flaw(line: int) -> Flaw:
+    """The flaw of a row that is the header once more, as where tables were put one below the other."""
+    hint = "delete the line; tables of several sessions can have a column `session`, or be several files"
+    return Flaw("csv-header", "the header stands here again", hint, line)
 
 
 def width_flaw(cells: Sequence[str], form: Format, line: int) -> Flaw:

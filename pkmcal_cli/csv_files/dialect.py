@@ -26,6 +26,7 @@ _NUMBER = {
     ",": re.compile(r"[+-]?(?:[0-9]+,?[0-9]*|,[0-9]+)" + _EXPONENT),
 }
 _WORD = re.compile(r'"([^"]*)"|((?:[^\s\["]|\[[^\]]*\]|\[|")+)')
+_COMMENT = re.compile(r'#(.*)|"#((?:[^"]|"")*)"[,;\t| ]*')  # the second as spreadsheets save the first
 _SEP_LINE = re.compile(r"\s*sep=(.)\s*", re.IGNORECASE)
 MAX_COLUMNS = 10_000
 """More columns than any machine has: the table is turned, or its line ends are lost."""
@@ -133,17 +134,14 @@ def find_format(lines: Sequence[str]) -> Format | Flaw:
     separators: tuple[str, ...] = SEPARATORS
     for number, line in enumerate(lines, start=1):
         text = line.strip()
-        if text.startswith("#"):
-            comments.append(text[1:].strip())
+        if match := _COMMENT.fullmatch(text):
+            comments.append((match[1] or match[2] or "").strip())
         elif number == 1 and (match := _SEP_LINE.fullmatch(line)) and match[1] in SEPARATORS:
             separators = (match[1],)
-        elif text:
+        elif text.strip("".join(SEPARATORS)):
             return _decide(number, lines, separators, comments)
-    return Flaw(
-        "csv-empty",
-        "this file contains no table",
-        "write a header with the column names, then one line per pose",
-    )
+    hint = "write a header with the column names, then one line per pose"
+    return Flaw("csv-empty", "this file contains no table", hint)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -259,9 +257,8 @@ def _decide(number: int, lines: Sequence[str], separators: Sequence[str], commen
         return Flaw("csv-quote", "a quote in the header is not closed", QUOTE_HINT, number)
     if len(trial.header) > MAX_COLUMNS:
         message = f"the header has {len(trial.header)} columns; a table can have {MAX_COLUMNS}"
-        return Flaw(
-            "csv-columns", message, "check the line ends; write one row per pose, one column per reading", number
-        )
+        hint = "check the line ends; write one row per pose, one column per reading"
+        return Flaw("csv-columns", message, hint, number)
     if all(is_number(name, trial.decimal) for name in trial.header):
         hint = "name the columns in the first line, with units: `q1 [mm]`"
         return Flaw("csv-header", "the first line contains numbers instead of column names", hint, number)
@@ -284,9 +281,12 @@ def _decide(number: int, lines: Sequence[str], separators: Sequence[str], commen
 def _misfit(trial: _Trial, header_line: int, line: int) -> Flaw:
     """No row has as many cells as the header: one flaw for all of them."""
     names, widths = len(trial.header), sorted(set(trial.widths))
+    if widths == [0]:
+        return Flaw("csv-quote", "a quote is not closed", f"{QUOTE_HINT}; write angles as decimal numbers", line)
     cells = count(widths[0], "cell") if len(widths) == 1 else f"{widths[0]} to {widths[-1]} cells"
     hint = f"line {header_line} is read as the header; begin lines before the header with `#`"
-    if trial.separator == "," and widths == [2 * names]:
+    numbers = trial.failing in (0, len(trial.widths))  # or ids and numbers
+    if trial.separator == "," and numbers and len(widths) == 1 and names < widths[0] <= 2 * names:
         hint = "export with `;` as separator or with decimal points: a decimal comma looks like the separator"
     message = f"the header has {count(names, 'column')}, the rows have {cells}"
     return Flaw("csv-width", message, hint, line)

@@ -35,7 +35,7 @@ class DriverPanel:
     """One accepted effect over what drives it: measured displacement of its entry (N,), SI, with its standard
     uncertainty, what the effect says and 1.96 of its standard uncertainties; `side` (N,) of approach, or None.
 
-    `x` (N,) in SI and `shown_x` in `unit`; `turns`: whether the entry turns (rad) instead of moving (m). Where
+    `x` (N,) in SI and `shown_x` in `unit`; `rotary`: whether the entry turns (rad) instead of moving (m). Where
     temperature acts along a travel, displacements are per kelvin, over the travel: their slope is the expansion.
     """
 

@@ -225,7 +225,7 @@ def _drives(sample: Sample) -> _Reason:
         return _Reason((), np.inf, np.inf)
     expected, readings = measured.drive_readings(values), part.rows.readings[measured.rows]
     explanation = explain_columns(
-        readings, expected, [a.name for a in model.actuators], [a.unit for a in model.actuators]
+        readings, expected, model.drive_names, [a.unit for a in model.actuators]
     )
     return _Reason(
         explanation.hints, *(misfit(table, expected, readings) for table in (readings, explanation.corrected))

@@ -106,7 +106,7 @@ def suspicions(
     `measured`: the table, for the places of rows; sample: `sample_at` these values, where it is known.
     """
     model = loaded.model
-    names, units = [a.name for a in model.actuators], [a.unit for a in model.actuators]
+    names, units = model.drive_names, [a.unit for a in model.actuators]
     limits = np.array([a.limits for a in model.actuators]).reshape(-1, 2)
     hints = find_limit_faults(problem.rows.readings, limits, names, units)
     sessions = np.asarray(measured.session)

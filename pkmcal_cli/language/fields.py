@@ -289,4 +289,3 @@ Torque = Annotated[V, Measure(TORQUE)]
 Moment = Annotated[tuple[Torque[V], ...], Shape("a moment", (1,), (3,))]
 Vector = Annotated[tuple[Number[V], ...], Shape("a vector", (2,), (3,))]
 Axis = Annotated[Letter | tuple[Number[V], ...], AxisLetterOr("an axis", (2,), (3,))]
-Pair = Shape("a pair", (2,), (2,))

@@ -95,7 +95,7 @@ def at_rest(model: Model, rows: Rows) -> Rows:
     columns = {name: np.full(len(rows), value) for name, value, _ in _resting(model).values()}
     if lagging(model):
         columns["time"] = np.zeros(len(rows))
-    named = with_directions(rows, [a.name for a in model.actuators])
+    named = with_directions(rows, model.drive_names)
     return replace(rows, columns={**named.columns, **columns})
 
 

@@ -35,7 +35,7 @@ class PoseSource:
     """The poses of a command: those of a table or of a grid.
 
     Iterating gives blocks. After the first one `inputs` (sha256 by file) is known, after the last one `notes`, what
-    `travels` has to say, and whether poses are those of the `tool` point.
+    `travel_limits` has to say, and whether poses are those of the `tool` point.
     """
 
     loaded: LoadedMachine

@@ -120,7 +120,7 @@ def joined_poses(model: Model, blocks: list[Poses]) -> Poses:
         k = bisect_right(starts, row) - 1
         return blocks[k].row_origin(row - starts[k])
 
-    rows, names = joined_rows([b.rows for b in blocks]), [a.name for a in model.actuators]
+    rows, names = joined_rows([b.rows for b in blocks]), model.drive_names
     stated = [rows.columns.get(f"dir.{name}", np.full(len(rows), np.nan)) for name in names]
     sides = np.stack(stated, axis=1) if any(f"dir.{name}" in rows.columns for name in names) else None
     return Poses(

@@ -65,6 +65,11 @@ class Model:
         """Parameter names, the order of every parameter vector."""
         return tuple(p.name for p in self.parameters)
 
+    @cached_property
+    def drive_names(self) -> tuple[str, ...]:
+        """Names of the drives, the order of every column of readings."""
+        return tuple(a.name for a in self.actuators)
+
     @property
     def nominal(self) -> Array:
         """Nominal values (P,), SI."""

@@ -54,7 +54,7 @@ def with_loads(model: Model, taut: bool = False) -> Model:
     observed = [ObservedQuantity(Measurand.FORCE, a) for a in range(len(model.actuators))]
     observed += [ObservedQuantity(Measurand.TENSION, g, e) for g, e, _ in ropes]
     observed += [ObservedQuantity(Measurand.ENERGY, 0)]
-    names = [*(a.name for a in model.actuators), *(name for *_, name in ropes), "energy"]
+    names = [*model.drive_names, *(name for *_, name in ropes), "energy"]
     channels = [
         Channel(
             name=f"{q.measurand.label}.{name}", measurand=q.measurand, index=q.index, component=q.component,

@@ -22,7 +22,7 @@ class TravelLimits:
     worst: dict[int, tuple[float, float, str]] = field(default_factory=dict)  # how far outside, reading, where it is
 
     def add(self, readings: Array, row_origin: Callable[[int], object]) -> None:
-        """Count positions (N, A), of which `place` tells where they come from; unknown ones (nan) are inside."""
+        """Count positions (N, A), of which `row_origin` tells where they come from; unknown ones (nan) are inside."""
         self.rows += len(readings)
         for k, actuator in enumerate(self.model.actuators):
             excess = limit_excess(readings[:, k], actuator.limits)

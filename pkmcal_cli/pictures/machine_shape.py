@@ -132,7 +132,7 @@ def machine_shape(loaded: LoadedMachine, values: Array, rows: Rows, row: int) ->
         return _reason(reference)
     layout, machine = loaded.compiled.layout, loaded.machine
     forces = drive_forces(model, actual)[0][0]
-    names = [a.name for a in model.actuators]
+    names = model.drive_names
     turning = [n for n, d in zip(names, model.topology.drives, strict=True) if not model.topology.moves_length(d)]
     reach = _reach(machine, layout, _placed(plain, reference), _strokes(plain, rows.readings[row]))
     return MachineShape(

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 FORMATS = ("svg", "png", "pdf")
 BEFORE, AFTER, FITTED, NOISE, OTHER = "#D55E00", "#0072B2", "#000000", "#8c8c8c", "#009E73"
 """Colours that the colour-blind tell apart (Okabe and Ito 2008); a marker or line style goes with each."""
-MARKERS = {BEFORE: "o", AFTER: "s", OTHER: "^"}
 LOOKS = ((AFTER, "o"), (BEFORE, "s"), (OTHER, "^"), ("#CC79A7", "v"), ("#56B4E9", "D"), (FITTED, "P"))
 """Colours and markers of the series of a panel; all markers are filled."""
 _DPI = 150

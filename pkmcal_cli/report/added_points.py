@@ -113,7 +113,7 @@ class Added:
 
     def show_points(self, to: Reporter, model: Model) -> None:
         """Set values and sides of the points."""
-        names = [a.name for a in model.actuators]
+        names = model.drive_names
         headers = tuple(f"{a.name} [{parse_unit(a.unit).text}]" for a in model.actuators)
         sides = {1.0: "+", -1.0: "-"}
         rows = [

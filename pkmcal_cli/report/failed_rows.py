@@ -24,7 +24,7 @@ def place_json(row: RowOrigin) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class FailedRows:
-    """Why rows of a table of `total` rows have no prediction and are not used, by row; `place`: where a row stands."""
+    """Why rows of a table of `total` rows have no prediction and are not used, by row; row_origin: where one stands."""
 
     reasons: Mapping[int, str]
     row_origin: Callable[[int], RowOrigin]

@@ -88,7 +88,7 @@ class Loads:
         return cls.of(problem.model, fit.values, problem.rows.moved(fit.shift), row_origin, fit.last.start)
 
     def add(self, values: Array, rows: Rows, prediction: Prediction, row_origin: Callable[[int], RowOrigin]) -> None:
-        """Count the solved rows of a prediction at parameter values (P,), SI; `place`: where its rows stand."""
+        """Count the solved rows of a prediction at parameter values (P,), SI; `row_origin`: where a row stands."""
         self.total += int(prediction.solved.sum())
         if prediction.forces is not None and prediction.tension is not None:
             self._add_limits(prediction.solved, np.abs(prediction.forces), prediction.tension, row_origin)

@@ -92,7 +92,7 @@ def _reprap_delta(c: Constants) -> list[str]:
 
 
 def _anchored(c: Constants, names: Sequence[str], name_of: Callable[[str, str], str]) -> tuple[list[str], list[str]]:
-    """Parameters, and parts, of lines from anchors; `place`: name of the coordinate of an anchor."""
+    """Parameters, and parts, of lines from anchors; `name_of`: name of the coordinate of an anchor."""
     parameters = [_parameter(name_of(n, x), c[name_of(n, x)]) for n in names for x in "xyz"]
     parameters.append(
         f"  EA: {{nominal: {_EA}, range: {_EA // 2}, unit: N, identify: false, note: of the lines; a guess}}"

@@ -93,7 +93,8 @@ def _widths(columns: Sequence[Column], width: int, how: int) -> list[int]:
 
 def _parts(columns: list[Column], width: int, names: int) -> Iterable[list[Column]]:
     """Columns side by side as far as they fit, the rest below, with the names again."""
-    lead, remaining = columns[:names], columns[names:]
+    count = min(names, len(columns) - 1)  # else nothing would remain to be shown beside them
+    lead, remaining = columns[:count], columns[count:]
     while remaining:
         count = len(remaining)
         while count > 1 and not _widths([*lead, *remaining[:count]], width, 1):

@@ -56,6 +56,7 @@ class Acceptance:
     def section(self) -> Section | None:
         """For the page."""
         blocks: list[Block | None] = [self._axes(), self._poses(), self._circle()]
+        measured = any(block is not None for block in blocks)
         if not self.axes:
             text = f"No ISO 230-2 figures: they need {FEWEST_APPROACHES} approaches from each side to each of at least "
             text += f"{FEWEST_TARGETS} targets in a line along one coordinate."
@@ -64,7 +65,6 @@ class Acceptance:
                 blocks.append(Text(_ALONG, "note"))
             if self.lines and self.note:
                 blocks.append(Text(self.note[0].upper() + self.note[1:] + ".", "note"))
-        measured = any(block is not None for block in (self._axes(), self._poses(), self._circle()))
         basis = f"Measured {self.state}: deviations from the poses that {_COMMANDED_BY[self.state]} give for the set "
         basis += "values in the table."
         return section("acceptance", "Acceptance figures", [Text(basis) if measured else None, *blocks])
@@ -157,7 +157,7 @@ def acceptance(results: Results) -> Acceptance | None:
         problem, values = verification.problem, verification.values
     else:
         problem, values, state = results.calibrated.problem, results.calibrated.fit.before.values, "as built"
-    problem = replace(problem, rows=with_directions(problem.rows, [a.name for a in problem.model.actuators]))
+    problem = replace(problem, rows=with_directions(problem.rows, problem.model.drive_names))
     targets = measured_targets(problem, evaluate(problem, values, ()))
     if targets is None:
         return None

@@ -61,7 +61,7 @@ def _worst(results: Results, judged: Judged) -> str:
     error, u = (unit.from_si(float(x[k])) for x in (judged.points.errors, judged.points.expanded))
     limit = f"{unit.from_si(judged.tolerance):.6g} {unit.text}"
     if judged.verdict == "undecided":
-        return f"{error:.3g} um".replace("um", unit.text) + f" with U = {u:.2g} {unit.text} against {limit}"
+        return f"{error:.3g} {unit.text} with U = {u:.2g} {unit.text} against {limit}"
     sign = ">" if error > unit.from_si(judged.tolerance) else "<="
     return f"{error:.3g} {unit.text} {sign} {limit}"
 

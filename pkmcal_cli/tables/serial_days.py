@@ -1,4 +1,4 @@
-"""Times that are a spreadsheet's day numbers, read as seconds: 44546.4375 is 2021-12-16 10:30."""
+"""Times that are no seconds: a spreadsheet's day numbers (44546.4375 is 2021-12-16 10:30), milliseconds, digits."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from pkmcal_cli.csv_files.cell_values import FloatArray
 from pkmcal_cli.csv_files.dialect import Flaw
 
 _FIRST, _LAST = 32_000.0, 62_000.0  # days since the end of 1899: 1987 to 2069
+_LAST_SECOND = 1e11  # s since 1970: in the year 5138
 _EPOCH = datetime(1899, 12, 30, tzinfo=UTC)
 Span = tuple[datetime, datetime]
 """When the first and the last row were measured, UTC."""
@@ -47,12 +48,18 @@ class Times:
             return None
         return _EPOCH + timedelta(days=self.least), _EPOCH + timedelta(days=self.most)
 
+    @property
+    def _looks_like(self) -> str | None:
+        """What times are that can hardly be seconds."""
+        if self.days is not None:
+            return f"{self.least:g} looks like a spreadsheet's day ({self.days[0]:%Y-%m-%d})"
+        if self.count and self.least > _LAST_SECOND:
+            return f"{self.least:.0f} looks like milliseconds since 1970, or like the digits of a date"
+        return None
+
     def flaw(self, line: int, cell: int) -> Flaw | None:
-        """What is to be said of the column, where its times look like day numbers."""
-        if self.days is None:
+        """What is to be said of the column, where its times look like no seconds."""
+        if (looks_like := self._looks_like) is None:
             return None
-        when = self.days[0]
-        message = (
-            f"column `time` is read in seconds, but {self.least:g} looks like a spreadsheet's day ({when:%Y-%m-%d})"
-        )
+        message = f"column `time` is read in seconds, but {looks_like}"
         return Flaw("csv-time", message, "write times as `2021-12-16T10:30`, or seconds since the start", line, cell)

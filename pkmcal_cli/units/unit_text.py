@@ -83,23 +83,19 @@ def _unit(text: str, factor: Fraction | int, dimension: Dimension, pi_power: int
 def _table() -> dict[str, Unit]:
     micro = Fraction(1, 10**6)
     units = [
-        _unit("1", 1, NUMBER), _unit("%", Fraction(1, 100), NUMBER), _unit("ppm", micro, NUMBER),
-        _unit("m", 1, LENGTH), _unit("cm", Fraction(1, 100), LENGTH),
-        _unit("mm", Fraction(1, 1000), LENGTH), _unit("um", micro, LENGTH),
-        _unit("nm", Fraction(1, 10**9), LENGTH), _unit("km", 1000, LENGTH),
-        _unit("in", Fraction(254, 10**4), LENGTH),
-        _unit("rad", 1, ANGLE), _unit("mrad", Fraction(1, 1000), ANGLE),
-        _unit("urad", micro, ANGLE), _unit("deg", Fraction(1, 180), ANGLE, 1),
-        _unit("arcmin", Fraction(1, 180 * 60), ANGLE, 1),
-        _unit("arcsec", Fraction(1, 180 * 3600), ANGLE, 1), _unit("rev", 2, ANGLE, 1),
-        _unit("N", 1, FORCE), _unit("mN", Fraction(1, 1000), FORCE), _unit("kN", 1000, FORCE),
-        _unit("MN", 10**6, FORCE), _unit("lbf", Fraction(44482216152605, 10**13), FORCE),
-        _unit("Nm", 1, TORQUE), _unit("Nmm", Fraction(1, 1000), TORQUE), _unit("kNm", 1000, TORQUE),
-        _unit("MNm", 10**6, TORQUE), _unit("kg", 1, MASS), _unit("g", Fraction(1, 1000), MASS),
-        _unit("t", 1000, MASS), _unit("s", 1, TIME), _unit("ms", Fraction(1, 1000), TIME),
-        _unit("min", 60, TIME), _unit("h", 3600, TIME), _unit("K", 1, TEMPERATURE),
-        Unit("degC", Fraction(1), TEMPERATURE, 0, 273.15), _unit("Pa", 1, MODULUS), _unit("kPa", 1000, MODULUS),
-        _unit("MPa", 10**6, MODULUS), _unit("GPa", 10**9, MODULUS),
+        _unit("1", 1, NUMBER), _unit("%", Fraction(1, 100), NUMBER), _unit("ppm", micro, NUMBER), _unit("m", 1, LENGTH),
+        _unit("cm", Fraction(1, 100), LENGTH), _unit("mm", Fraction(1, 1000), LENGTH), _unit("um", micro, LENGTH),
+        _unit("nm", Fraction(1, 10**9), LENGTH), _unit("km", 1000, LENGTH), _unit("in", Fraction(254, 10**4), LENGTH),
+        _unit("rad", 1, ANGLE), _unit("mrad", Fraction(1, 1000), ANGLE), _unit("urad", micro, ANGLE),
+        _unit("deg", Fraction(1, 180), ANGLE, 1), _unit("arcmin", Fraction(1, 180 * 60), ANGLE, 1),
+        _unit("arcsec", Fraction(1, 180 * 3600), ANGLE, 1), _unit("rev", 2, ANGLE, 1), _unit("N", 1, FORCE),
+        _unit("mN", Fraction(1, 1000), FORCE), _unit("kN", 1000, FORCE), _unit("MN", 10**6, FORCE),
+        _unit("lbf", Fraction(44482216152605, 10**13), FORCE), _unit("Nm", 1, TORQUE),
+        _unit("Nmm", Fraction(1, 1000), TORQUE), _unit("kNm", 1000, TORQUE), _unit("MNm", 10**6, TORQUE),
+        _unit("kg", 1, MASS), _unit("g", Fraction(1, 1000), MASS), _unit("t", 1000, MASS), _unit("s", 1, TIME),
+        _unit("ms", Fraction(1, 1000), TIME), _unit("min", 60, TIME), _unit("h", 3600, TIME),
+        _unit("K", 1, TEMPERATURE), Unit("degC", Fraction(1), TEMPERATURE, 0, 273.15), _unit("Pa", 1, MODULUS),
+        _unit("kPa", 1000, MODULUS), _unit("MPa", 10**6, MODULUS), _unit("GPa", 10**9, MODULUS),
     ]  # fmt: skip
     return {unit.text: unit for unit in units}
 
@@ -107,6 +103,8 @@ def _table() -> dict[str, Unit]:
 UNITS = _table()  # all that there are
 
 _ALIASES = {"µm": "um", "μm": "um", "µrad": "urad", "μrad": "urad", "°": "deg", "°C": "degC", "inch": "in"}
+_CONVERTED = dict.fromkeys(("degf", "°f", "f"), ("degC", "degrees Fahrenheit: (F - 32)/1.8"))
+_CONVERTED |= dict.fromkeys(("gon", "grad"), ("deg", "gon, or grad: 1 gon is 0.9 deg"))
 _WORDS = tuple(alias for alias in _ALIASES if alias.isascii())
 _TOKEN = re.compile(r"\s*(?:[A-Za-zµμ°%]+|\*\*|[*·/^()²³]|-?\d+)")
 
@@ -197,8 +195,9 @@ class _UnitParser:
 
     def suggestion(self, name: str) -> str | None:
         """What may have been meant by the token `name`, the last one taken; None where no unit in its place fits."""
-        if name in ("degF", "°F", "F") and self.would_fit("degC"):
-            return "did you mean `degC`? Convert degrees Fahrenheit: (F - 32)/1.8"
+        meant, formula = _CONVERTED.get(name.lower(), ("", ""))
+        if meant and self.would_fit(meant):
+            return f"did you mean `{meant}`? Convert {formula}"
         names = [unit for unit in (*UNITS, *_WORDS) if self.would_fit(unit)]
         if not names:
             return None

@@ -130,7 +130,7 @@ def _selected(request: AnalysisRequest, model: Model) -> tuple[str, ...]:
 def _offset_readings(model: Model, rows: Rows, offsets: tuple[str, ...]) -> Array:
     """Readings (N, A) of rows with actuators moved off their set values, `NAME=VALUE unit`. Raises UsageError."""
     readings = rows.readings.copy()
-    names = [a.name for a in model.actuators]
+    names = model.drive_names
     for text in offsets:
         name, equals, value = (t.strip() for t in text.partition("="))
         if not equals:

@@ -38,8 +38,7 @@ def run_effects(request: EffectsRequest) -> int:
         "Effects",
         ("keyword", "effect", "at" if machine else "acts on", "needs"),
         rows,
-        left=4,
-        folded=("effect", "at", "acts on"),
+        folded=("effect", "at", "acts on", "needs"),
     )
     to.say("`diagnose` also tests each row (bad rows) and noise that grows with distance (noise_model)")
     to.say("parameters, plausible ranges, causes and remedies: see --json and docs/effects.md")

@@ -192,7 +192,7 @@ def _approached(
     loaded: LoadedMachine, values: Array, poses: PoseSet, request: PlanRequest, to: Reporter
 ) -> tuple[Rows, PoseSet, Approaches | None]:
     """Rows with the sides that they are approached from: those of the schedule, or of a table that was measured."""
-    model, rows, names = loaded.model, poses.poses.rows, [a.name for a in loaded.model.actuators]
+    model, rows, names = loaded.model, poses.poses.rows, loaded.model.drive_names
     stands_still = all(d.force_controlled for d in model.topology.drives)
     if stands_still or (request.output is None and poses.poses.measured is not None):
         return with_directions(rows, names), poses, None

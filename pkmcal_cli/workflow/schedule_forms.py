@@ -13,6 +13,7 @@ from pkmcal_cli.base.outputs import write_text
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.visible import in_line
 from pkmcal_cli.correction.commanded_machine import axis_letters, too_many_axes
+from pkmcal_cli.correction.remark_lines import remark_lines
 from pkmcal_cli.correction.strained_pose import held_drives
 from pkmcal_cli.csv_files.origin import Origin
 from pkmcal_cli.csv_files.writer import Values, open_writer
@@ -73,11 +74,12 @@ def _program(s: Schedule, target: str, inputs: Collection[str], force: bool) -> 
         return " ".join(f"{letter}{unit.from_si(float(v)):.6f}" for letter, unit, v in parts)
 
     named = ", ".join(f"{letter} = {name}" for letter, (name, _, _) in zip(letters, s.drives, strict=True))
-    lines = [f"; set values of drives, identity kinematics: {named}; mm, deg", f"; {_NGC}", "G21", "G90", "G94"]
+    head = [f"set values of drives, identity kinematics: {named}; mm, deg", _NGC]
+    lines = [*remark_lines(";", head), "G21", "G90", "G94"]
     for k, name in enumerate(s.ids):
         moves = [*s.ways[k], s.begin[k], s.there[k]]
         session = f", session {in_line(s.sessions[k])}" if s.sessions else ""
-        lines += [f"; {name}{session}", *(f"G1 {words(row)} F{s.feed:g}" for row in moves)]
+        lines += [*remark_lines(";", [f"{name}{session}"]), *(f"G1 {words(row)} F{s.feed:g}" for row in moves)]
         lines += [f"G4 P{s.dwell:g}"]
     with write_text(target, inputs, force=force) as file:
         file.write("\n".join([*lines, "M2", ""]))

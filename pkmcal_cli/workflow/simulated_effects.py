@@ -47,7 +47,7 @@ def run_simulated_effects(machine: str, request: EffectsRequest) -> int:
     for text in start.remarks(bool(poses.every.rows.named_sessions)):
         to.warn(text)
     selected = _selected(model, request.select)
-    candidates = candidates_of(model, selected, with_directions(poses.every.rows, [a.name for a in model.actuators]))
+    candidates = candidates_of(model, selected, with_directions(poses.every.rows, model.drive_names))
     values = np.append(start.values, candidates.model.nominal[len(model.parameters) :])
     problem, still, poses = _predicted(to, loaded.machine.file_units, candidates.model, values, poses)
     with to.step("what each effect does"):
@@ -85,7 +85,7 @@ def _predicted(
     to: Reporter, units: FileUnits, model: Model, values: Array, poses: PoseSet
 ) -> tuple[Problem, Prediction, PoseSet]:
     """What is read at the poses that can be predicted, and these; others are told. Raises BadInput where none can."""
-    names = [a.name for a in model.actuators]
+    names = model.drive_names
     still = predict(model, values, with_directions(poses.poses.rows, names), Request(forces=True))
     if reasons := {int(k): still.reason(int(k)) for k in np.nonzero(~still.solved)[0]}:
         if len(reasons) == len(poses.kept):

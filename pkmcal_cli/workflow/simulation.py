@@ -244,7 +244,7 @@ class Simulation:
         columns = {n: c for n, c in rows.columns.items() if not n.startswith("dir.") or n in self.table.covariates}
         if len(columns) == len(rows.columns):
             return rows
-        return with_directions(replace(rows, columns=columns), [a.name for a in self.model.actuators])
+        return with_directions(replace(rows, columns=columns), self.model.drive_names)
 
     def _uncertainties(self, block: Poses, rows: Array, start: WarmStart) -> list[Array]:
         if self.errors is None:

@@ -9,26 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from pkmcal_cli.correction.drive_tables import Digits, drafted, drive_tables
+from pkmcal_cli.correction.drive_tables import decimal_digits, decimals, drafted, drive_tables
 from pkmcal_cli.correction.export_case import Draft, ExportCase, Format
 
 
 def _draft(case: ExportCase) -> Draft:
-    units = {int(a): case.unit(int(a)) for a in case.drives}
-    tables = drive_tables(
-        case, lambda a: Digits(position=units[int(a)].to_si(1e-3), correction=units[int(a)].to_si(1e-6))
-    )
+    tables = drive_tables(case, decimal_digits(case))
 
     def texts(remarks: Sequence[str]) -> Mapping[str, str]:
         lines = [f"# {line}" for line in remarks]
         lines.append("drive,unit,position,forward,reverse")
         for a, table in zip(case.drives, tables, strict=True):
-            unit = units[int(a)]
-            rows = zip(table.knots, table.forward, table.reverse, strict=True)
-            lines += [
-                f"{case.name(a)},{unit.text},{unit.from_si(k):.3f},{unit.from_si(f):.6f},{unit.from_si(r):.6f}"
-                for k, f, r in rows
-            ]
+            lines += [",".join((case.name(a), case.unit(a).text, *row)) for row in decimals(case, a, table)]
         return {"": "\n".join([*lines, ""])}
 
     return drafted(case, tables, texts)

@@ -17,6 +17,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.commanded_machine import CommandedMachine, axis_letters, too_many_axes
 from pkmcal_cli.correction.export_case import Draft, ExportCase, Format
 from pkmcal_cli.correction.program_path import program_path
+from pkmcal_cli.correction.remark_lines import remark_lines
 from pkmcal_cli.correction.waypoints import Stations
 from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.prediction.inverse_kinematics import drive_positions
@@ -138,11 +139,11 @@ def _program(
         waits = [wait] if seconds else ["M400", wait]  # printers: after all motion has ended
 
         def texts(remarks: Sequence[str]) -> Mapping[str, str]:
-            lines = [f"{comment} {line}" for line in (*_header(case, keyword, rows), *remarks)]
+            lines = remark_lines(comment, (*_header(case, keyword, rows), *remarks))
             lines += ["G21", "G90", *(["G94"] if seconds else [])]
             moves = [f"G1 {row} F{case.feed:g}" for row in rows.lines()]
             for name, first, last in zip(case.names, (0, *(path.targets + 1)), path.targets, strict=False):
-                lines += [f"{comment} target {name}", *moves[first : last + 1], *waits]
+                lines += [*remark_lines(comment, [f"target {name}"]), *moves[first : last + 1], *waits]
             return {"": "\n".join([*lines, *(["M2"] if seconds else []), ""])}
 
         return Draft(commands=commands[path.targets], values=case.values, texts=texts, notes=path.notes)

@@ -9,23 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from pkmcal_cli.correction.drive_tables import Digits, DriveTable, drafted, drive_tables
+from pkmcal_cli.correction.drive_tables import decimal_digits, decimals, drafted, drive_tables
 from pkmcal_cli.correction.export_case import Draft, ExportCase, Format
 
 
-def _digits(case: ExportCase, drive: int) -> Digits:
-    unit = case.unit(drive)
-    return Digits(position=unit.to_si(1e-3), correction=unit.to_si(1e-6))
-
-
-def _lines(case: ExportCase, drive: int, table: DriveTable) -> list[str]:
-    unit = case.unit(drive)
-    rows = zip(table.knots, table.forward, table.reverse, strict=True)
-    return [f"{unit.from_si(k):.3f} {unit.from_si(f):.6f} {unit.from_si(r):.6f}" for k, f, r in rows]
-
-
 def _draft(case: ExportCase) -> Draft:
-    tables = drive_tables(case, lambda a: _digits(case, a))
+    tables = drive_tables(case, decimal_digits(case))
 
     def texts(remarks: Sequence[str]) -> Mapping[str, str]:
         out = {}
@@ -35,7 +24,8 @@ def _draft(case: ExportCase) -> Draft:
                 "position, added in forward motion, added in reverse motion; LinuxCNC reads up to this line",
                 *remarks,
             ]
-            out[case.name(a)] = "\n".join([*_lines(case, a, table), *(f"# {line}" for line in comments), ""])
+            lines = [" ".join(row) for row in decimals(case, a, table)]
+            out[case.name(a)] = "\n".join([*lines, *(f"# {line}" for line in comments), ""])
         return out
 
     return drafted(case, tables, texts)

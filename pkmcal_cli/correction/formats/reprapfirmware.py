@@ -86,7 +86,7 @@ class _Spools:
 
     @property
     def _gear(self) -> Array:
-        """Tilts of the motor per turn of the spool, strands included."""
+        """Turns of the motor per turn of the spool, strands included."""
         return np.asarray(self.strands * self.spool / self.motor)
 
     def radii(self, gains: Array) -> Array:
@@ -99,6 +99,10 @@ class _Spools:
         square = radius**2 - self.strands * buildup * moved
         with np.errstate(invalid="ignore"):
             return np.asarray(self.signs * self._gear * 2.0 * moved / (np.sqrt(square) + radius))
+
+    def buildup_step(self, radii: Array, length: float) -> float:
+        """The build-up that changes the way of a line by itself where it is as long as the machine."""
+        return float((4.0 * (radii / length) ** 2 / self.strands).mean())
 
     def as_computed(self, moved: Array, more: Array) -> Array:
         """The same in 32 bit and mm, in the order of the firmware."""
@@ -138,7 +142,7 @@ def _constants(case: ExportCase, spools: _Spools) -> LineConstants:
     motors = LineMotors(
         readings=spools.readings,
         start=lambda gains: np.append(spools.radii(gains), 0.0),
-        steps=lambda more: np.append(more[:-1] / case.model.length, 1e-5),
+        steps=lambda more: np.append(more[:-1] / case.model.length, spools.buildup_step(more[:-1], case.model.length)),
     )
     constants = line_constants(case, _KEYWORD, motors)
     if constants.more[-1] >= _LEAST_BUILDUP:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from pkmcal_cli.base.errors import Location
 from pkmcal_cli.loading.printers.constants import ConstantReader, Line, Printer, Stated
@@ -16,7 +17,8 @@ from pkmcal_cli.loading.printers.constants import ConstantReader, Line, Printer,
 _SECTION = re.compile(r"\[\s*([^\]]+?)\s*\]")
 _INCLUDE = re.compile(r"\[include\s+([^\]]+?)\s*\]")
 _OPTION = re.compile(r"([A-Za-z0-9_]+)\s*[:=]\s*(.*?)\s*")
-_SAVED = "#*#"
+_SAVED = "#*# "
+_BLOCK = re.compile(r"#\*# <-+ SAVE_CONFIG -+>")
 _ANGLES = {"a": "210", "b": "330", "c": "90"}
 _MOST = 26
 
@@ -36,7 +38,8 @@ def klipper_include(line: str) -> str | None:
 
 def read_klipper(lines: Sequence[Line], inputs: Mapping[str, str], notes: Sequence[str]) -> Printer:
     """The constants of a delta or a winch. Raises BadInput with all faults."""
-    reader, options = ConstantReader(lines), _options(lines)
+    reader = ConstantReader(lines)
+    options = _options(lines, reader)
     kinematics = options.get(("printer", "kinematics"))
     if kinematics is None:
         hint = "; ".join(notes[:3]) or "give a printer.cfg"
@@ -56,24 +59,46 @@ def read_klipper(lines: Sequence[Line], inputs: Mapping[str, str], notes: Sequen
 
 
 def _bare(line: str) -> str:
-    return re.split(r"[#;]", line, maxsplit=1)[0].strip()
+    """A line without its remark: behind a `#` anywhere, behind a `;` at the beginning or after a blank."""
+    return re.split(r"#|(?<!\S);", line, maxsplit=1)[0].strip()
 
 
-def _options(lines: Sequence[Line]) -> Options:
-    """Options by section and name, in small letters."""
-    written, saved = Options(), Options()
-    sections = {id(written): "", id(saved): ""}
-    for each in lines:
-        line = each.text
-        block = line.startswith(_SAVED)
-        into = saved if block else written
-        text = _bare(line.removeprefix(_SAVED)) if block else _bare(line)
-        if head := _SECTION.fullmatch(text):
-            sections[id(into)] = head[1].lower()
-        elif not line[:1].isspace() and (option := _OPTION.fullmatch(text)):
-            location = each.at(line.index(option[1]) + 1)
-            into[sections[id(into)], option[1].lower()] = Stated(option[2], location)
-    return saved | written
+def _options(lines: Sequence[Line], reader: ConstantReader) -> Options:
+    """Options by section and name, in small letters; a fault where Klipper would ignore the block of SAVE_CONFIG."""
+    begins = (k for k, each in enumerate(lines) if each.file == lines[0].file and _BLOCK.match(each.text))
+    begin = next(begins, len(lines))
+    written, saved = _Sections(), _Sections()
+    for line in lines[:begin]:
+        written.take(line, line.text)
+    end = max((k + 1 for k, each in enumerate(lines) if each.text.strip()), default=0)
+    for line in lines[begin:end]:
+        if not re.match(r"#\*#( |$)", line.text):
+            hint = "move it above the block; blank lines have no place there either"
+            reader.fault("a line in the block of SAVE_CONFIG, which Klipper therefore ignores", line.at(1), hint)
+        saved.take(line, line.text[len(_SAVED) :])
+    return saved.options | written.options
+
+
+@dataclass
+class _Sections:
+    """Takes lines as Python's configparser does: what stands further in than an option goes on with its value."""
+
+    options: Options = field(default_factory=dict)
+    section: str = ""
+    indent: int | None = None  # of an option that may go on
+
+    def take(self, line: Line, text: str) -> None:
+        """A line; `text`: without the mark of the block."""
+        bare, indent = _bare(text), len(text) - len(text.lstrip())
+        if not bare or (self.indent is not None and indent > self.indent):
+            return
+        if head := _SECTION.match(bare):
+            self.section, self.indent = head[1].lower(), None
+            return
+        self.indent = indent
+        if option := _OPTION.fullmatch(bare):
+            location = line.at(line.text.index(option[1]) + 1)
+            self.options[self.section, option[1].lower()] = Stated(option[2], location)
 
 
 class _Finder:

@@ -18,7 +18,9 @@ _MADE_OF = ("665", "666", "669")
 _APART = re.compile(r"\"[^\"]*\"|\([^)]*\)")
 _MACRO = re.compile(r"\s*[Mm]98\s+[Pp]\"(?:0:)?(?:/sys/)?([^\"]+)\".*")
 _WORD = re.compile(r"([A-Za-z])\s*(\{[^}]*\}|[^\sA-Za-z{]+(?:[eE][+-]?\d+)?)?")
+_BLOCK = re.compile(r"\s*(if|elif|else|while)\b")
 _ANCHORS = "ABCDI"
+_OF_DELTA = "LRHBXYZ"  # what M665 knows
 _DELTA, _HANGPRINTER = "3", "6"
 
 Words = dict[tuple[str, str], Stated]
@@ -39,7 +41,8 @@ def reprap_include(line: str) -> str | None:
 
 def read_reprapfirmware(lines: Sequence[Line], inputs: Mapping[str, str], notes: Sequence[str]) -> Printer:
     """The constants of a linear delta or a Hangprinter. Raises BadInput with all faults."""
-    reader, words = ConstantReader(lines), _words(lines)
+    reader = ConstantReader(lines)
+    words = _words(lines, reader)
     kind = words.get(("669", "K"))
     delta = ("665", "L") in words or ("665", "R") in words
     if kind is None and not delta:
@@ -57,7 +60,11 @@ def read_reprapfirmware(lines: Sequence[Line], inputs: Mapping[str, str], notes:
     reader.faults.raise_if_any()
     kinematics = "reprap-delta" if number == _DELTA else "hangprinter"
     return Printer(
-        kinematics=kinematics, constants=constants, firmware="RepRapFirmware", inputs=dict(inputs), notes=tuple(notes)
+        kinematics=kinematics,
+        constants=constants,
+        firmware="RepRapFirmware",
+        inputs=dict(inputs),
+        notes=(*notes, *_flex_notes(words)),
     )
 
 
@@ -73,15 +80,38 @@ def _commands(line: str) -> list[re.Match[str]]:
     return [command for command in every if command[1] in _MADE_OF]
 
 
-def _words(lines: Sequence[Line]) -> Words:
-    """Parameters by command and letter."""
+def _words(lines: Sequence[Line], reader: ConstantReader) -> Words:
+    """Parameters by command and letter; faults for commands of which nobody knows whether they are carried out."""
     out = Words()
+    blocks: dict[str, int] = {}  # by file, the indent of the condition above
     for line in lines:
+        indent = len(line.text) - len(line.text.lstrip())
+        if _bare(line.text) and indent <= blocks.get(line.file, -1):
+            del blocks[line.file]
+        if _BLOCK.match(line.text):
+            blocks.setdefault(line.file, indent)
         for command in _commands(line.text):
+            if line.file in blocks:
+                hint = "write the values that hold, without conditions, into a copy of the file"
+                reader.fault(f"M{command[1]} stands in a condition", line.at(command.start() + 1), hint)
+            letters = set[str]()
             for word in _WORD.finditer(command[2]):
-                location = line.at(command.start(2) + word.start() + 1)
-                out[command[1], word[1].upper()] = Stated(word[2] or "", location)
+                location, letter = line.at(command.start(2) + word.start() + 1), word[1].upper()
+                if letter in letters:
+                    hint = "delete one of them; the firmware takes the first"
+                    reader.fault(f"M{command[1]} has {letter} twice", location, hint)
+                letters.add(letter)
+                out[command[1], letter] = Stated(word[2] or "", location)
     return out
+
+
+def _flex_notes(words: Words) -> list[str]:
+    """What to say of a Hangprinter that compensates flex: F says so in later versions, before it the weight W."""
+    letter = "F" if ("666", "F") in words else "W"
+    stated = words.get(("666", letter))
+    if stated is None or not stated.text.strip("0."):
+        return []
+    return [f"M666 {letter}{stated.text}: the machine file has no compensation of flex; its constants hold without"]
 
 
 class _Finder:
@@ -115,6 +145,10 @@ class _Finder:
 
 
 def _delta(find: _Finder) -> dict[str, Stated]:
+    for (command, letter), stated in find.words.items():
+        if command == "665" and letter not in _OF_DELTA:
+            hint = "Marlin's M665? Its rods are `L a:b:c` in RepRapFirmware, its stops M666 X, Y, Z have the other sign"
+            find.reader.fault(f"M665 {letter} is none of RepRapFirmware", stated.where, hint)
     rods = find.several("665", "L", [1, 3], positive=True)
     out = {"radius": find.one("665", "R", positive=True), "height": find.one("665", "H")}
     for k, tower in enumerate("xyz"):
@@ -135,7 +169,7 @@ def _hangprinter(find: _Finder) -> dict[str, Stated]:
     count = int(find.one("669", "N", "4").value)
     if not 4 <= count <= len(_ANCHORS):
         find.reader.fault(f"{count} anchors cannot be read", find.words["669", "N"].where, "4 or 5 can")
-        count = 4
+        return {}  # everything else has as many numbers
     out: dict[str, Stated] = {}
     for k in range(count):
         letter = _ANCHORS[k]
