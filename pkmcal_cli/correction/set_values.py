@@ -23,7 +23,7 @@ from pkmcal_cli.prediction import Rows, WarmStart
 from pkmcal_cli.prediction.inverse_kinematics import DrivePositions, drive_positions
 from pkmcal_cli.units.unit_text import parse_unit
 
-_STEPS, _SHORTEST = 60, 1 / 256  # in all, and as a share of a whole step
+_STEPS, _SHORTEST = 30, 1 / 64  # in all, and as a share of a whole step
 _EXACT = 1e-12  # of the machine's size, or rad: the tool point is there
 _CONVERGED = 1e-7  # of a drive's force scale, or of its force: it changes no more
 _ROUNDING = 1e-14  # of the machine's size, or rad: a step that is none
