@@ -116,6 +116,20 @@ def test_a_calibration_that_is_implausible_is_not_clean(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_a_calibration_that_does_not_converge_is_no_matter_of_sigma(tmp_path: Path) -> None:
+    """A column of places that have nothing to do with the commands: no cause was found, "sigma is too small"."""
+    machine, rng = "triglide-nonredundant", np.random.default_rng(2)
+    rows = [line for line in (MACHINES / f"{machine}.csv").read_text(encoding="utf-8").splitlines() if line[:1] != "#"]
+    cells = [row.split(",") for row in rows[1:41]]
+    text = [",".join([*c[:3], f"{rng.uniform(200, 700):.4f}", c[4]]) for c in cells]
+    (tmp_path / "t.csv").write_text("\n".join([rows[0], *text, ""]), encoding="utf-8")
+    done = clean(run("diagnose", MACHINES / f"{machine}.yaml", tmp_path / "t.csv", "--json"))
+    assert (done.code, done.json["verdict"]) == (1, "implausible")
+    assert done.json["implausible"][-1] == "the calibration does not converge"
+    assert "sigma is too small" not in done.err
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [183, 163])
 def test_parameters_that_imitate_a_cause_in_part_are_not_believed(number: int) -> None:
     """Wider ranges let declared lengths run 8 to 12 ranges off, and leave half of what is beyond the noise."""

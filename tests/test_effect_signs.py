@@ -14,6 +14,16 @@ from tests.test_export_tables import STACKED
 pytestmark = pytest.mark.usefixtures("unsized")
 
 TRIGLIDE = MACHINES / "triglide-nonredundant.yaml"
+LEGS = """
+space: planar
+ranges: {length: 1 mm}
+parameters: {o: 0.3}
+ground: {A: [0, 0], B: [1, 0]}
+nodes: {tip: [0.5, 0.6]}
+bars: {l: {between: [A, tip]}, m: {between: [B, tip]}}
+actuators: {q: {drives: l, offset: o, scale: -1}, p: {drives: m, offset: o, scale: -1}}
+sensors: {tracker: {at: tip, reads: [x, y], sigma: 1 um, frame: machine}}
+"""
 AHEAD = "comes to rest ahead in its direction of motion"
 
 
@@ -43,3 +53,21 @@ def test_readings_that_count_against_the_travel_turn_the_sign(
     text = sign_text(model, "backlash@Y.b", size * 1e-6, 2e-6)
     assert words in text and bool(text) == bool(words)
     assert sign_text(model, "backlash@Y.b", size * 1e-6, 11e-6) == "", "a sign that is not sure"
+
+
+@pytest.mark.parametrize(
+    ("effect", "shrinks"),
+    [
+        ("thermal_strut@all", "If every member is of another"),
+        ("thermal_strut@l", "If l is of another"),
+        ("thermal_base@all", "no base shrinks"),
+    ],
+)
+def test_what_shrinks_as_it_warms_is_doubted(effect: str, shrinks: str, tmp_path: Path) -> None:
+    """Of legs whose drives count against their travel: that is no matter of how they grow."""
+    file = tmp_path / "m.yaml"
+    file.write_text(LEGS + f"effects: {{{effect}: {{a: 9 um/(m*K)}}}}\n")
+    model = load_machine(str(file)).model
+    text = sign_text(model, f"{effect}.a", -9e-6, 1e-6)
+    assert text.startswith(f"{effect} is negative: ") and shrinks in text
+    assert sign_text(model, f"{effect}.a", 9e-6, 1e-6) == "" == sign_text(model, f"{effect}.a", -9e-6, 6e-6)

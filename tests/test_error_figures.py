@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration.errors_before_after import error_figures, length_residuals
+from pkmcal_cli.calibration.errors_before_after import channel_figures, error_figures, length_residuals
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.prediction import Rows, predict
@@ -30,6 +32,19 @@ def off_by(name: str, positions: Array, errors: Array) -> Problem:
         drive_sigma=0 * positions,
         measured=~np.isnan(errors),
     )
+
+
+def test_a_row_of_unknown_side_is_in_no_figure() -> None:
+    """300 um in the row of a drive that came from either side; the others are 5, 2 and 10 um off, x by 3, 0 and 6."""
+    errors = np.array([[3, 4], [0, -2], [6, 8], [300, 0]]) * UM
+    problem = off_by("triglide", shipped("triglide").positions[:4], errors)
+    problem = replace(problem, side_sigma=np.array([[0.0, 0.0, 0.0]] * 3 + [[1e-4, 0.0, 0.0]]))
+    evaluation = evaluate(problem, problem.model.nominal)
+    kinds, each = error_figures(problem, evaluation), channel_figures(problem, evaluation)
+    assert (kinds["position"].largest, kinds["position"].count) == (pytest.approx(10 * UM), 3)
+    assert (each["x"].largest, each["x"].count) == (pytest.approx(6 * UM), 3)
+    assert each["x"].rms == pytest.approx(np.sqrt((9 + 0 + 36) / 3) * UM)
+    assert each["x"].criterion + each["y"].criterion == pytest.approx(kinds["position"].criterion)
 
 
 def test_points() -> None:

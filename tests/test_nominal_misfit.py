@@ -129,6 +129,8 @@ def test_readings_in_a_frame_that_is_fitted_are_compared_as_points_or_said_not_t
     fitted = tmp_path / "m.yaml"
     fitted.write_text(f"extends: {machine}\nsensors: {{tracker: {{frame: fitted}}}}\n", encoding="utf-8")
     done = run("check", fitted, table, "--json")
-    assert {c["name"] for c in done.json["measurements"]["nominal"]} == {"x", "y", "z"}
-    assert "not compared: rx, ry, rz (read in a frame" in run("check", fitted, table).err
+    assert {c["name"] for c in done.json["measurements"]["nominal"]} == {"x", "y", "z", "rx", "ry", "rz"}
+    assert "not compared" not in run("check", fitted, table).err
     assert "not compared" not in run("check", machine, table).err
+    fitted.write_text(f"extends: {machine}\nsensors: {{tracker: {{reads: [x, y, rx, ry, rz], frame: fitted}}}}\n")
+    assert "not compared: x, y, rx, ry, rz (read in a frame" in run("check", fitted, table).err

@@ -41,9 +41,7 @@ def error_figures(problem: Problem, evaluation: Evaluation, lengths: bool = True
     Without rows of unknown side of approach, which are off by what nobody knows, and readings of instruments that stand
     nobody knows where.
     """
-    problem = sided(problem)
-    if (unknown := of_unplaced(problem, evaluation.values)).any():
-        problem = replace(problem, measured=problem.measured & ~unknown)
+    problem = _with_known_errors(problem, evaluation)
     out: dict[str, ErrorFigures] = {}
     channels = problem.model.channels
     for name, columns in kinds_of(problem.model).items():
@@ -55,6 +53,13 @@ def error_figures(problem: Problem, evaluation: Evaluation, lengths: bool = True
     if len(squares):
         out["length"] = _figures("length", squares, "length")
     return out
+
+
+def _with_known_errors(problem: Problem, evaluation: Evaluation) -> Problem:
+    """The problem without readings whose errors are those of a side of approach or a frame that nobody knows."""
+    problem = sided(problem)
+    unknown = of_unplaced(problem, evaluation.values)
+    return replace(problem, measured=problem.measured & ~unknown) if unknown.any() else problem
 
 
 def kinds_of(model: Model) -> dict[str, list[int]]:
@@ -91,7 +96,8 @@ def point_squares(model: Model, columns: Sequence[int], residual: Array, on: NDA
 
 
 def channel_figures(problem: Problem, evaluation: Evaluation) -> dict[str, ErrorFigures]:
-    """Figures of every single channel that was measured, by its name."""
+    """Figures of every single channel that was measured, by its name, of the same readings as `error_figures`."""
+    problem = _with_known_errors(problem, evaluation)
     out: dict[str, ErrorFigures] = {}
     for k, channel in enumerate(problem.model.channels):
         used = problem.measured[:, k]

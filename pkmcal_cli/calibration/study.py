@@ -15,12 +15,12 @@ import numpy as np
 from scipy.special import chdtrc
 
 from pkmcal_cli.base.errors import BadInput
-from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.base.rotation import Array, best_motion
 from pkmcal_cli.base.stages import Observer, unobserved
 from pkmcal_cli.calibration.complete_fit import FitOptions, calibrated
 from pkmcal_cli.calibration.condensed import condensed, evaluate_condensed
 from pkmcal_cli.calibration.fit import Fit
-from pkmcal_cli.calibration.fitted_frames import frame_parameters, parameter_errors
+from pkmcal_cli.calibration.fitted_frames import frame_parameters, parameter_errors, stands_anywhere
 from pkmcal_cli.calibration.frame_start import with_frames
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem, design_problem, usable
@@ -156,7 +156,7 @@ def _once(machine: StudiedMachine, readings: Array, drawn: dict[str, float], nor
         fit = _fitted(problem, machine.selected, more)
     except (RowsFailed, np.linalg.LinAlgError):
         return None
-    off = _tool_distance(machine.model, true, fit.values, Rows.at(readings[count:]))
+    off = _tool_distance(machine.model, true, fit.values, readings, count, stands_anywhere(problem))
     errors = [*(float(v) for v in parameter_errors(machine.model, fit.values, true)[machine.index]), off]
     return errors if fit.usable and _explains(fit, more) and all(map(isfinite, errors)) else None
 
@@ -203,10 +203,19 @@ def _placed(problem: Problem, selected: tuple[str, ...]) -> Problem:
     return replace(problem, model=with_frames(problem.model, problem.rows, readings))
 
 
-def _tool_distance(model: Model, true: Array, identified: Array, rows: Rows) -> float:
-    """Mean distance of the tool point as it is and as it was found to be, m; nan where a row has no prediction."""
+def _tool_distance(
+    model: Model, true: Array, identified: Array, readings: Array, count: int, anywhere: bool
+) -> float:
+    """Mean distance of the tool point as it is and as it was found to be, m; nan where a row has no prediction.
+
+    At drive readings (N, A) but the first `count`, at which it was measured. By `anywhere` these show how an instrument
+    saw the machine that may stand anywhere: the distance is that in its axes, as nobody knows where the base lies.
+    """
     bare = tcp_model(model).with_options(())
     along = [k for k, c in enumerate(bare.channels) if c.name in DIRECTIONS[:3]]
-    rows = at_rest(model, rows)
-    apart = predict(bare, identified, rows).values - predict(bare, true, rows).values
-    return float(np.sqrt((apart[:, along] ** 2).sum(axis=1)).mean())
+    rows = at_rest(model, Rows.at(readings))
+    here, there = (predict(bare, values, rows).values[:, along] for values in (identified, true))
+    if anywhere and np.isfinite(here + there).all():
+        rotation, shift = best_motion(here[:count], there[:count])
+        here = here @ rotation.T + shift
+    return float(np.sqrt(((here - there)[count:] ** 2).sum(axis=1)).mean())

@@ -114,8 +114,17 @@ def _lengths(c: SiteCollector) -> Named:
             weight=weight,
             straight=group.path is None and not group.element.sizes,
             length=_drawn_length(c, name) if shared else float(lengths.sum()) / weight,
+            leg=_leg(c, name, member),
         )
         yield name, (made,)
+
+
+def _leg(c: SiteCollector, name: str, member: tuple[int, int]) -> int:
+    """The drive that holds the length of a telescopic leg; -1 without."""
+    if name not in c.structure.machine.bars:
+        return -1
+    held = (a for a, d in enumerate(c.topology.drives) if d.target[:2] == member and not d.force_controlled)
+    return next(held, -1)
 
 
 def _drawn_length(c: SiteCollector, rope: str) -> float:

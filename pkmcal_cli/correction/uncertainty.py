@@ -7,13 +7,15 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.base.rotation import Array, skew
 from pkmcal_cli.correction.set_values import Aim
 from pkmcal_cli.correction.strained_pose import LoadedTool, StrainedPose
 from pkmcal_cli.prediction import Rows, WarmStart
 from pkmcal_cli.prediction.unknown_sides import side_sigma
 
 _WEAK = 0.5  # of the prior's standard uncertainty: data that leave a direction no surer than so hardly determine it
+
+_NO_TURN = 1e-9  # share of the largest motion of points: what turns points on a line about it moves none
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,12 +38,14 @@ class Spread:
     """Standard uncertainties of tool coordinates (N, h) and of forces (N, A).
 
     weak (N,): share of the variance of the position that comes from directions of parameters which the data hardly
-    determine.
+    determine. apart (N, h): uncertainties of positions to each other, but for a shift and a turn of all of them; nan of
+    orientations, and where positions are too few or not wholly held.
     """
 
     tool: Array
     force: Array
     weak: Array
+    apart: Array
 
 
 def spread(tool: LoadedTool, values: Array, aim: Aim, there: StrainedPose, rows: Rows, known: KnownTo) -> Spread:
@@ -50,7 +54,7 @@ def spread(tool: LoadedTool, values: Array, aim: Aim, there: StrainedPose, rows:
     by = tool.at(values, rows, aim.targets, known.names, start)
     variances = [_carried(j, known.covariance) for j in (by.by_tool, by.by_force)]
     weak = _carried(by.by_tool, _hardly_determined(known)) / tool.sizes**2
-    whole = variances[0] / tool.sizes**2
+    whole, apart = variances[0] / tool.sizes**2, _apart(tool, aim, by.by_tool, known.covariance) - variances[0]
     for name, std in known.conditions.items():
         ends = [tool.at(values, _changed(rows, name, s * std), aim.targets, "", start) for s in (1.0, -1.0)]
         variances[0] += (0.5 * (ends[0].tool - ends[1].tool)) ** 2
@@ -62,7 +66,27 @@ def spread(tool: LoadedTool, values: Array, aim: Aim, there: StrainedPose, rows:
     variances[0] = variances[0] + np.where(tool.turning, known.unexplained[1], known.unexplained[0]) ** 2
     total = whole.sum(axis=1)
     share = np.divide(weak.sum(axis=1), total, out=np.zeros(len(total)), where=total > 0)
-    return Spread(tool=np.sqrt(variances[0]), force=np.sqrt(variances[1]), weak=share)
+    apart = np.sqrt(np.maximum(apart + variances[0], 0.0))
+    return Spread(tool=np.sqrt(variances[0]), force=np.sqrt(variances[1]), weak=share, apart=apart)
+
+
+def _apart(tool: LoadedTool, aim: Aim, by_tool: Array, covariance: Array) -> Array:
+    """Variances (N, h) of positions by parameters, by_tool (N, h, p), less what moves all as one rigid body."""
+    out, axes = np.full(by_tool.shape[:2], np.nan), 2 if tool.machine.topology.planar else 3
+    columns = [tool.held.index(name) for name in "xyz"[:axes] if name in tool.held]
+    rows, freedoms = np.nonzero(np.isfinite(by_tool).all(axis=(1, 2)))[0], axes * (axes + 1) // 2
+    if len(columns) < axes or len(rows) * axes < 2 * freedoms:
+        return out
+    places = aim.targets[rows][:, columns]
+    about = np.pad(places - places.mean(axis=0), ((0, 0), (0, 3 - axes)))
+    turns = skew(about)[:, :axes, 3 - (freedoms - axes) :]
+    motions = np.concatenate([turns, np.broadcast_to(np.eye(axes), (len(rows), axes, axes))], axis=2)
+    basis, sizes, _ = np.linalg.svd(motions.reshape(-1, freedoms), full_matrices=False)
+    rigid = basis[:, sizes > _NO_TURN * sizes[0]]
+    moved = by_tool[rows][:, columns].reshape(len(basis), -1)
+    left = moved - rigid @ (rigid.T @ moved)
+    out[np.ix_(rows, np.array(columns))] = _carried(left[:, None], covariance).reshape(len(rows), axes)
+    return out
 
 
 def _by_unknown_sides(

@@ -111,7 +111,7 @@ class Inputs(Protocol):
     @property
     def chord(self) -> Array: ...  # (N, 3) unit vector along the member in the earlier pass, base axes
     @property
-    def length(self) -> float: ...  # nominal, of the member; radius of the spool, m
+    def length(self) -> Array | float: ...  # nominal, of the member, (N,) of a telescopic leg; radius of the spool, m
     @property
     def folds(self) -> float: ...  # line that a spool winds per travel of its rope
     @property

@@ -49,6 +49,8 @@ STRUT = Effect(
     formula=lambda at, a, lag: a * at.length * at.lagged(lag),
     needs=("temperature",),
     options=(_REFERENCE,),
+    negative="only fibres of carbon, aramid or polyethylene shrink as they warm. If {at} is of another material, what "
+    "holds or measures it grows: the base (`thermal_base`), a scale of a drive (`thermal_screw`), the instrument.",
     cause="{at} grows with temperature.",
     result="The length of {at} follows the temperature (with a lag behind its sensor, if any).",
     action="Measure the temperature of {at} and compensate, or use low-expansion members.",
@@ -94,6 +96,8 @@ BASE = Effect(
     options=(_REFERENCE,),
     places="all",
     nowhere="every part of the base is at its origin",
+    negative="no base shrinks as it warms. What stands on it or measures it grows: struts (`thermal_strut`), a scale "
+    "of a drive (`thermal_screw`), the instrument.",
     cause="The base grows with temperature.",
     result="All points that are fixed to the base move away from its origin.",
     action="Log the temperature of the base, wait for a steady state, or compensate.",

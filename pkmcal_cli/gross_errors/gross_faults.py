@@ -195,11 +195,11 @@ def _channels(sample: Sample, rotated: bool) -> _Reason:
     firm[:, sample.of_unknown_frames] = np.nan
     explanation = explain_columns(firm, predicted, names, units, sample.prior_rms)
     hints, corrected = list(explanation.hints), explanation.corrected
-    for points in sample.frames:
-        hint, changed = explain_frame(readings, predicted, points, names, units)
+    for points, turns in zip(sample.frames, sample.turns, strict=True):
+        hint, changed = explain_frame(readings, predicted, points, names, units, turns)
         hints += hint
-        columns = [k for p in points for k in p]
-        corrected[:, columns] = brought_back(changed, predicted, points)[:, columns]
+        columns = [k for p in (*points, *turns) for k in p]
+        corrected[:, columns] = brought_back(changed, predicted, points, turns)[:, columns]
     return _Reason(tuple(hints), *(misfit(table, predicted, seen) for table in (seen, corrected)))
 
 

@@ -12,6 +12,7 @@ from itertools import combinations
 import numpy as np
 
 from pkmcal_cli.base.rotation import best_motion
+from pkmcal_cli.gross_errors.frame_turns import Turns, explain_turns, turned_back
 from pkmcal_cli.gross_errors.plausibility import (
     BETTER,
     EXPLAINED,
@@ -32,23 +33,33 @@ Points = Sequence[Sequence[int]]
 _SPARE = 2  # points more than axes: below, a motion explains nearly anything
 
 
-def brought_back(readings: FloatArray, predicted: FloatArray, points: Points) -> FloatArray:
-    """Readings (N, C) with those of one instrument moved rigidly onto their prediction (N, C).
+def brought_back(readings: FloatArray, predicted: FloatArray, points: Points, turns: Turns = ()) -> FloatArray:
+    """Readings (N, C) with those of one instrument, points and `turns`, moved rigidly onto their prediction (N, C).
 
-    Nan where a point has not all of its coordinates, and everywhere where there are too few points.
+    The motion is that of the points. Nan where a point or a rotation vector has not all of its coordinates, and
+    everywhere where there are too few points.
     """
     out = readings.copy()
-    columns = np.concatenate([np.asarray(p, dtype=int) for p in points])
+    columns = np.concatenate([np.asarray(p, dtype=int) for p in (*points, *turns)])
     out[:, columns] = np.nan
-    here, there = (np.concatenate([table[:, list(p)] for p in points]) for table in (readings, predicted))
-    known = np.isfinite(here).all(axis=1) & np.isfinite(there).all(axis=1)
-    if known.sum() < here.shape[1] + _SPARE:
+    motion = _motion(readings, predicted, points)
+    if motion is None:
         return out
-    rotation, shift = best_motion(here[known], there[known])
-    moved = np.where(known[:, None], here @ rotation.T + shift, np.nan).reshape(len(points), len(readings), -1)
-    for point, point_moved in zip(points, moved, strict=True):
-        out[:, list(point)] = point_moved
+    rotation, shift = motion
+    for point in points:
+        here, there = readings[:, list(point)], predicted[:, list(point)]
+        known = np.isfinite(here + there).all(axis=1, keepdims=True)
+        out[:, list(point)] = np.where(known, here @ rotation.T + shift, np.nan)
+    for vector in turns:
+        out[:, list(vector)] = turned_back(readings[:, list(vector)], predicted[:, list(vector)], rotation)
     return out
+
+
+def _motion(readings: FloatArray, predicted: FloatArray, points: Points) -> tuple[FloatArray, FloatArray] | None:
+    """Rotation (d, d) and shift (d,) that bring the points onto their predictions; None with too few."""
+    here, there = (np.concatenate([table[:, list(p)] for p in points]) for table in (readings, predicted))
+    known = np.asarray(np.isfinite(here).all(axis=1) & np.isfinite(there).all(axis=1))
+    return None if known.sum() < here.shape[1] + _SPARE else best_motion(here[known], there[known])
 
 
 @dataclass(frozen=True)
@@ -109,13 +120,30 @@ def _changes(points: Points, unit: Unit) -> Iterator[_Change]:
 
 
 def explain_frame(
-    readings: FloatArray, predicted: FloatArray, points: Points, names: Sequence[str], units: Sequence[str]
+    readings: FloatArray,
+    predicted: FloatArray,
+    points: Points,
+    names: Sequence[str],
+    units: Sequence[str],
+    turns: Turns = (),
 ) -> tuple[tuple[Hint, ...], FloatArray]:
     """What explains the readings (N, C) of one instrument where no rigid motion does: mirror image, unit, exchange.
 
     Returns hints, and the readings if these are followed. A mirror image is that of any one axis turned in sign and
-    of any two exchanged: a rotation leads from one to the other, so which it was cannot be told.
+    of any two exchanged: a rotation leads from one to the other, so which it was cannot be told. Orientations, `turns`,
+    are judged by the motion of the points as they are then.
     """
+    hints, right = _explain_points(readings, predicted, points, names, units)
+    if turns and (motion := _motion(right, predicted, points)) is not None:
+        for vector in turns:
+            more, right = explain_turns(right, predicted, vector, motion[0], names, units)
+            hints += more
+    return hints, right
+
+
+def _explain_points(
+    readings: FloatArray, predicted: FloatArray, points: Points, names: Sequence[str], units: Sequence[str]
+) -> tuple[tuple[Hint, ...], FloatArray]:
     unit = parse_unit(units[points[0][0]])
     before, size = _misfit(readings, predicted, points)
     if not np.isfinite(before):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +13,7 @@ from pkmcal_cli.calibration.fitted_frames import of_unplaced
 from pkmcal_cli.calibration.misfit import residuals
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate
+from pkmcal_cli.gross_errors.frame_turns import lever
 from pkmcal_cli.gross_errors.mirror import brought_back
 from pkmcal_cli.gross_errors.plausibility import FEW, GROSS, rms, spread
 from pkmcal_cli.prediction import WarmStart
@@ -20,6 +21,7 @@ from pkmcal_cli.prediction import WarmStart
 IntArray = NDArray[np.intp]
 _ROWS = 200  # a sample of a long table shows a gross mistake as well
 _HALF = 0.5
+_TURNED = 0.2  # rad: a frame that may be turned by more than this is turned nobody knows how
 _FEW, _FEWEST = 0.1, 6  # share of rows, at least one, of as many or more
 
 
@@ -52,7 +54,9 @@ class Sample:
         }
         without_frames = tuple(n for n in parameters if n not in of_unknown_frames)
         evaluation = evaluate(sample, values, without_frames, None if states is None else states.take(rows))
-        return cls(problem, rows, sample, evaluation, _prior_rms(sample, evaluation, without_frames))
+        prior = _prior_rms(sample, evaluation, without_frames)
+        made = cls(problem, rows, sample, evaluation, prior)
+        return replace(made, prior_rms=_with_alignment(made))
 
     @cached_property
     def predicted(self) -> Array:
@@ -111,9 +115,10 @@ class Sample:
         """As `seen`, of all channels; nan of unknown frames that cannot be brought back."""
         out = np.where(np.isfinite(readings), self._nearest(readings, predicted), np.nan)
         out[:, self.of_unknown_frames] = np.nan
-        for points in self.frames:
-            columns = [k for p in points for k in p]
-            out[:, columns] = brought_back(readings, predicted, points)[:, columns]
+        for points, turns in zip(self.frames, self.turns, strict=True):
+            columns = [k for p in (*points, *turns) for k in p]
+            out[:, columns] = brought_back(readings, predicted, points, turns)[:, columns]
+        out[:, np.isinf(self.prior_rms)] = np.nan
         return out
 
     def _nearest(self, readings: Array, predicted: Array) -> Array:
@@ -145,6 +150,32 @@ class Sample:
             if sensor.name in model.fitted_frames and len(point) == axes:
                 by_frame.setdefault(sensor.name, []).append(point)
         return list(by_frame.values())
+
+    @cached_property
+    def turns(self) -> list[list[list[int]]]:
+        """The channels of whole rotation vectors of each of these instruments."""
+        model = self.part.model
+        whole = 1 if model.topology.planar else 3
+        out = []
+        for points in self.frames:
+            name = next(s.name for s in model.sensors if points[0][0] in s.channels)
+            read = (sorted(s.rotates, key=lambda pair: pair[1]) for s in model.sensors if s.name == name)
+            out.append([[channel for channel, _ in pairs] for pairs in read if len(pairs) == whole])
+        return out
+
+
+def _with_alignment(sample: Sample) -> Array:
+    """Rms (C,) that errors of parameters and noise cause, also where points that are off show how a frame is turned.
+
+    Infinite where the points do not show it.
+    """
+    out = sample.prior_rms.copy()
+    for points, turns in zip(sample.frames, sample.turns, strict=True):
+        across = lever(np.concatenate([sample.predicted[:, p] for p in points]))
+        off = rms(out[[k for p in points for k in p]])
+        for columns in turns:
+            out[columns] = np.hypot(out[columns], off / across) if off < _TURNED * across else np.inf
+    return out
 
 
 def _prior_rms(sample: Problem, evaluation: Evaluation, parameters: tuple[str, ...]) -> Array:

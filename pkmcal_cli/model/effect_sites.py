@@ -38,6 +38,7 @@ class EffectSite:
     weight: float = 1.0
     straight: bool = True
     length: float = 1.0
+    leg: int = -1  # the drive that sets the length of the member, which is `length` at its reference reading
     folds: float = 1.0  # line that a spool winds per travel of its rope
     at: Array = field(default_factory=lambda: np.zeros(3))
     down: Array = field(default_factory=lambda: np.zeros(3))
@@ -123,7 +124,7 @@ class AtSite:
     site: EffectSite
 
     @property
-    def length(self) -> float:
+    def length(self) -> Array | float:
         """Nominal length of the member, or radius of the spool, m."""
         return self.site.length
 

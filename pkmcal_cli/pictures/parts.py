@@ -23,6 +23,12 @@ WIDTH = 9.0
 _HEAD = 0.6  # inches, of the title
 _NOTHING = 1e-12  # m, rad: rounding
 _FINER = {"m": "mm", "mm": "um", "rad": "mrad", "mrad": "urad", "kN": "N"}
+_STEPS = (
+    (1.0, 2.0, 5.0),
+    (1.0, 1.5, 2.0, 3.0, 5.0, 7.0),
+    (1.0, 1.2, 1.4, 1.7, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0),
+    tuple(k / 10 for k in range(10, 100)),
+)  # of a decade, coarse to fine
 _COARSER = {"um": "mm", "urad": "mrad", "N": "kN"}
 
 
@@ -73,15 +79,30 @@ def size_text(value: float, dimension: str = "length") -> str:
     return f"{three_digits(value / unit.scale)} {unit.text}"
 
 
+def log_ticks(low: float, high: float, steps: Sequence[float]) -> list[float]:
+    """Steps times powers of ten that lie within a range above zero."""
+    decades = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
+    return [s * 10.0**d for d in decades for s in steps if low <= s * 10.0**d <= high]
+
+
+def _steps(low: float, high: float) -> tuple[float, ...]:
+    """The coarsest steps of a decade of which two lie in a range; there a library's own choice would be crowded."""
+    return next((s for s in _STEPS if len(log_ticks(low, high, s)) > 1), _STEPS[0])
+
+
 def plain_log(ax: Axes, axis: str = "x") -> None:
     """A logarithmic axis whose ticks are plain numbers, at least two of them."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter
 
     which = ax.xaxis if axis == "x" else ax.yaxis
     (ax.set_xscale if axis == "x" else ax.set_yscale)("log")
     low, high = ax.get_xlim() if axis == "x" else ax.get_ylim()
     decades = np.log10(high / low)
-    which.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if decades < 2.5 else (1.0,), numticks=12))
+    steps = _steps(low, high)
+    if steps in _STEPS[1:]:
+        which.set_major_locator(FixedLocator(log_ticks(low, high, steps)))
+    else:
+        which.set_major_locator(LogLocator(subs=steps if decades < 2.5 else (1.0,), numticks=12))
     which.set_major_formatter(FuncFormatter(lambda value, _: plain_number(value)))
     which.set_minor_formatter(NullFormatter())
 

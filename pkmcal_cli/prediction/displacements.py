@@ -142,8 +142,8 @@ def _displaced(placed: PlacedEffect, at: SiteInputs, sizes: Sequence[complex]) -
 def _by_reading(placed: PlacedEffect, at: SiteInputs, sizes: list[float]) -> Array:
     """Derivative (N, W, A) by the reading of the effect site's own drive."""
     out = np.zeros((at.rows, WIDTHS[placed.effect.enters], len(at.model.actuators)))
-    if at.site.actuator >= 0:
-        out[..., at.site.actuator] = _step_in(placed, replace(at, step=1j * _STEP), sizes)
+    if at.drive >= 0:
+        out[..., at.drive] = _step_in(placed, replace(at, step=1j * _STEP), sizes)
     return out
 
 

@@ -55,9 +55,22 @@ class SiteInputs(AtSite):
         return len(self.table)
 
     @property
+    def drive(self) -> int:
+        """The drive whose reading the formula may ask for: that of the place, or of the leg."""
+        return self.site.actuator if self.site.leg < 0 else self.site.leg
+
+    @property
+    def length(self) -> Array | float:
+        """Of the member, m: (N,) of a leg as its drive sets it, by its nominal law; else nominal."""
+        if self.site.leg < 0:
+            return self.site.length
+        extended = self.reading - float(self.model.reference_readings[self.site.leg])
+        return np.asarray(self.site.length + self._gain(self.site.leg) * extended)
+
+    @property
     def reading(self) -> Array:
         """Reading of the drive; 0 where nobody read it: then nothing is compared with it either."""
-        read = np.nan_to_num(self.table.readings[:, self.site.actuator])
+        read = np.nan_to_num(self.table.readings[:, self.drive])
         return np.asarray(read + self.step if self.step else read)
 
     @property

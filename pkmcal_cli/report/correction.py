@@ -29,6 +29,7 @@ from pkmcal_cli.report.number_format import handy
 from pkmcal_cli.units.unit_text import parse_unit
 
 _SHOWN = 20  # targets without set values that are told one by one
+_COMMON = 0.5  # of the uncertainty of positions: that to each other is told below
 _KINDS = (("position", "um"), ("orientation", "urad"))
 
 
@@ -109,6 +110,12 @@ class CorrectionReport:
             return np.full(len(self._numbers), np.nan)
         return self._good(np.sqrt((spread.tool[:, self._columns(kind)] ** 2).sum(axis=1)))
 
+    def _apart(self, spread: Spread | None) -> Array:
+        """Standard uncertainty (n,) of positions to each other; nan where it is not told."""
+        if spread is None:
+            return np.full(len(self._numbers), np.nan)
+        return self._good(np.sqrt((spread.apart[:, self._columns("position")] ** 2).sum(axis=1)))
+
     @cached_property
     def loads(self) -> Loads:
         """What drives and ropes bear."""
@@ -138,6 +145,11 @@ class CorrectionReport:
                 rows.append((kind, *(shown(f, parse_unit(unit)) for f in figures)))
         head = ("error", "rms before", "max before", "rms after", "u (rms)", "u (max)")
         to.table("Predicted error of the tool point; u: standard uncertainty after", head, rows)
+        apart, whole = rms(self._apart(result.after)), rms(self._spread(result.after, "position"))
+        if apart < _COMMON * whole:
+            each = shown(apart, parse_unit("um")), shown(largest(self._apart(result.after)), parse_unit("um"))
+            text = "the rest is a shift and a turn that all have in common, as of a base that the data hardly place"
+            to.say(f"u of positions to each other: {each[0]} rms, {each[1]} at most; {text}")
         if result.free:
             off = (f"{f.name} by {_size(f, f.rms)} rms, {_size(f, f.largest)} at most" for f in result.free)
             to.warn(f"warning: not held by the set values, and off where they are corrected: {'; '.join(off)}")
@@ -212,6 +224,8 @@ class CorrectionReport:
                     "u_before": self._spread(result.before, kind),
                     "u": self._spread(result.after, kind),
                 }
+                if kind == "position":
+                    numbers["u_apart"] = self._apart(result.after)
                 scale = parse_unit(unit).scale
                 figures = {n: {"rms": rms(v), "max": largest(v)} for n, v in numbers.items()}
                 out[kind] = {n: {k: exact(x / scale) for k, x in f.items()} for n, f in figures.items()}

@@ -16,9 +16,10 @@ def sign_text(model: Model, parameter: str, value: float, std: float | None) -> 
     placed = next((e for e in model.effects if parameter in e.parameters), None)
     if placed is None or not placed.effect.negative or std is None or not abs(value) > _SURE * std:
         return ""
-    gains = model.reference_coefficients[0, [model.actuators[s.actuator].gain_coefficient for s in placed.sites]]
+    drives = [model.actuators[s.actuator] for s in placed.sites if s.actuator >= 0]
+    gains = model.reference_coefficients[0, [a.gain_coefficient for a in drives]]
     against = bool(len(gains)) and bool((gains < 0).all())
-    at = "every drive" if placed.at == ALL else placed.at
+    at = f"every {'drive' if drives else 'member'}" if placed.at == ALL else placed.at
     sign = f"{placed.name} is {'negative' if value < 0 else 'positive'}"
     if (value < 0) != against:
         return f"{sign}: {placed.effect.negative.format(at=at)}"

@@ -144,6 +144,8 @@ def diagnosed(case: Case, alpha: float, seed: int, to: Listener) -> Diagnosis:
 def _believed(made: Diagnosis, hints: tuple[str, ...]) -> Diagnosis:
     """The diagnosis; where no cause was found, whether the calibration is to be believed, as `calibrate` has it."""
     problem, fit = made.search.problem, made.search.fit
+    if made.verdict == "sigma_too_small" and fit.status == "not_converged":
+        return replace(made, verdict="implausible", implausible=(*hints, "the calibration does not converge"))
     if made.verdict not in ("clean", "sigma_too_small") or fit.status != "converged":
         return made
     checked = range_check(problem, fit, error_budget(problem, fit, held_parameters(problem, fit.selected, ())))

@@ -61,8 +61,8 @@ measurements~.n_rows integer?: number of rows in all tables; null if they cannot
 measurements.n_values~ integer: number of measured values with a sigma
 measurements.sessions~[] text: names of the sessions: the files, or the values in column `session`
 measurements.nominal~[].name text: measured less predicted before any fit, at nominal parameters (with `-p` at its
-    values; of at most 200 rows): a channel. With `frame: fitted` only coordinates of points, which are moved onto
-    their predictions: where the frame lies is not known yet
+    values; of at most 200 rows): a channel. With `frame: fitted` only points of which all coordinates are read, and
+    whole orientations beside them, moved as these points lie best on their predictions
 measurements.nominal[].rms number: in `unit`
 measurements.nominal[].expected number: rms that ranges and noise explain, in `unit`
 measurements.nominal[].max number: largest, in `unit`

@@ -30,6 +30,9 @@ errors.KIND.u_before.rms number?: standard uncertainty of the error before, all 
 errors.KIND.u_before.max number?:
 errors.KIND.u.rms number?: the same after
 errors.KIND.u.max number?:
+errors.KIND.u_apart~.rms number?: of positions: standard uncertainty to each other at the commands, but for a shift
+    and a turn that all targets have in common; null with too few targets, or where not all coordinates are held
+errors.KIND.u_apart.max number?:
 errors.KIND.unit text:
 not_held.COORDINATE.rms number: coordinates of the tool point that set values do not hold and that are off: by how
     much at the commands, against the nominal machine

@@ -13,7 +13,7 @@ verdict clean|found|ambiguous|unknown|measurement_fault|sigma_too_small|implausi
     believed
 mistakes[] text: gross mistakes of the table (columns exchanged, reversed in sign, in a wrong unit) that were put right
     before it was searched; the verdict is then never `clean`
-implausible[] text: why not, as in `calibrate`; empty with every other verdict
+implausible[] text: why not, as in `calibrate`, or that it does not converge; empty with every other verdict
 sigma text: noise on which the tests are based: `stated`, or `estimated` if the residuals show more, or much less
 sigma_factor number: ratio of noise to stated sigma
 noise_correlation number: of successive rows, which were made independent before testing; 0 if they are independent
