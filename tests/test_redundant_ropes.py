@@ -77,6 +77,23 @@ def test_plans_and_analyses_take_the_set_values_that_tension_the_ropes() -> None
     assert refused.code == 3 and "help: " in refused.err and "state `t_min` of the ropes" in refused.err
 
 
+def test_drawn_where_the_ropes_hold_it() -> None:
+    """The reference configuration and a pose of a grid, with forces by statics; without `t_min` nothing stays there."""
+    true, text = spatial(200e3, 100.0)
+    Path("m.yaml").write_text(text)
+    grid = ("--grid", "x=300:300:1,y=-200:-200:1,z=1000:1000:1")
+    for place, more in ((true.home, ()), (np.array([0.3, -0.2, 1.0]), grid)):
+        found = clean(run("draw", "m.yaml", *more, "--json"))
+        assert found.code == 0 and "at which ropes keep `t_min`" in found.err
+        assert [d["force"] for d in found.json["drives"]] == pytest.approx(true.least(100.0, place), rel=1e-4)
+        (platform,) = (p for p in found.json["places"] if p["name"] == "platform")
+        assert platform["believed"] == pytest.approx(place, abs=1e-9)
+        assert np.abs(platform["displacement"]).max() < 1e-3  # um
+    Path("loose.yaml").write_text(text.replace(", t_min: 100.0", ""))
+    loose = clean(run("draw", "loose.yaml", "--json"))
+    assert loose.code == 3 and "help: " in loose.err and "where these state `t_min`" in loose.err
+
+
 def test_a_table_of_poses_that_cannot_be_tensioned_is_refused_and_set_values_stay() -> None:
     _, text = planar(50e3, 100.0)
     Path("m.yaml").write_text(text)

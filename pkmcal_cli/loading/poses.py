@@ -109,7 +109,8 @@ class Poses:
 def reference_poses(model: Model) -> Poses:
     """The reference configuration alone."""
     rows = at_rest(model, Rows.at(model.reference_readings[None]))
-    return Poses(rows=rows, reachable=np.ones(1, dtype=bool), row_origin=lambda _: RowOrigin(None, 0, ""))
+    there, point = np.ones(1, dtype=bool), lambda _: RowOrigin(None, 0, "")
+    return Poses(rows=rows, reachable=there, row_origin=point, targets=model.tool.reference[None])
 
 
 def joined_poses(model: Model, blocks: list[Poses]) -> Poses:

@@ -118,16 +118,21 @@ class MachineShape:
         return shape.places[joint.between[0] if joint is not None else target]
 
 
-def machine_shape(loaded: LoadedMachine, values: Array, rows: Rows, row: int) -> MachineShape | str:
-    """A machine in one row at parameter values (P,), SI, or why the row cannot be solved."""
+def machine_shape(
+    loaded: LoadedMachine, values: Array, rows: Rows, row: int, believed: Rows | None = None
+) -> MachineShape | str:
+    """A machine in one row at parameter values (P,), SI, or why the row cannot be solved.
+
+    believed: rows with the set values at which the control believes that nothing is strained; by default the same.
+    """
     model = loaded.model
     actual = configuration(model, values, rows, row)
     if actual.failed[0]:
         return _reason(actual)
-    plain = model.with_options(())
-    reference = configuration(plain, model.nominal, rows, row, "rigid")
+    plain, believed = model.with_options(()), rows if believed is None else believed
+    reference = configuration(plain, model.nominal, believed, row, "rigid")
     if reference.failed[0]:  # a mechanism that its drives alone do not hold
-        reference = configuration(plain, model.nominal, rows, row)
+        reference = configuration(plain, model.nominal, believed, row)
     if reference.failed[0]:
         return _reason(reference)
     layout, machine = loaded.compiled.layout, loaded.machine

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from pkmcal_cli.base.errors import BadInput, UsageError
 from pkmcal_cli.base.plural import count
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_parameters
 from pkmcal_cli.loading.pose_source import PoseSource
 from pkmcal_cli.loading.poses import OUT_OF_REACH, RowOrigin, reference_poses
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.pictures.machine_picture import default_scale, machine_picture, newtons
 from pkmcal_cli.pictures.machine_shape import MachineShape, machine_shape
 from pkmcal_cli.pictures.picture import check_picture, write_picture
@@ -24,6 +26,7 @@ from pkmcal_cli.report.number_format import finite, handy
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.arguments import one_stdin, present, require_forces
+from pkmcal_cli.workflow.tensioned_poses import TENSIONED, UNTENSIONED, holds_ropes, tensioned, tensions_ropes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,10 +48,16 @@ class DrawingRequest:
 
 @dataclass(frozen=True, kw_only=True)
 class _Row:
-    """The row that is drawn, among the rows of its table that effects see; `number`: its index there."""
+    """The row that is drawn, among the rows of its table that effects see; `number`: its index there.
+
+    target (6,): the pose of the tool point for which the drives are set, nan or None where they are stated. believed:
+    rows at which the drives are set without strain, where these are others.
+    """
 
     rows: Rows
     number: int
+    target: Array | None
+    believed: Rows | None = None
     row_origin: RowOrigin
     inputs: dict[str, str]
     notes: tuple[str, ...] = ()
@@ -67,6 +76,7 @@ def run_drawing(request: DrawingRequest) -> int:
     start = load_parameters(loaded.model, request.parameters)
     for text in start.remarks(bool(row.rows.named_sessions)):
         to.warn(text)
+    row = _tensioned(loaded.model, start.values, row)
     to.notes(row.notes)
     shape = _solved(loaded, start, row)
     factor = default_scale(shape) if request.scale is None else request.scale
@@ -102,7 +112,8 @@ def _row(request: DrawingRequest, loaded: LoadedMachine, to: Reporter) -> _Row:
     """The row that is asked for. Raises BadInput where it is out of reach, UsageError where there is none."""
     if request.poses is None and request.grid is None:
         poses = reference_poses(loaded.model)
-        return _Row(rows=poses.rows, number=0, row_origin=poses.row_origin(0), inputs={})
+        home, point = loaded.model.tool.reference, poses.row_origin(0)
+        return _Row(rows=poses.rows, number=0, target=home, row_origin=point, inputs={})
     source = PoseSource(loaded=loaded, to=to, path=request.poses, grid=request.grid)
     seen, number, drawn = 0, request.row or 1, None
     for block in source:
@@ -110,20 +121,34 @@ def _row(request: DrawingRequest, loaded: LoadedMachine, to: Reporter) -> _Row:
         if drawn is None and at < len(block):
             if not block.reachable[at]:
                 raise BadInput([block.row_origin(at).fault(OUT_OF_REACH)])
-            drawn = block.rows, at, block.row_origin(at)
+            drawn = block.rows, at, None if block.targets is None else block.targets[at], block.row_origin(at)
             if source.grid is not None:
                 break
         seen += len(block)
     if drawn is None:
         raise UsageError(f"--row {number}: there are {count(seen, 'row')}", hint=f"give a number from 1 to {seen}")
-    return _Row(rows=drawn[0], number=drawn[1], row_origin=drawn[2], inputs=source.inputs, notes=source.notes)
+    rows, index, target, point = drawn
+    return _Row(rows=rows, number=index, target=target, row_origin=point, inputs=source.inputs, notes=source.notes)
+
+
+def _tensioned(model: Model, values: Array, row: _Row) -> _Row:
+    """The row with set values that tension its ropes, where redundant drives do."""
+    if row.target is None or not np.isfinite(row.target).all() or not tensions_ropes(model):
+        return row
+    made = tensioned(model, values, row.target[None], row.rows.take(np.array([row.number])))
+    readings = row.rows.readings.copy()
+    readings[row.number] = made.rows.readings[0] if len(made.kept) else readings[row.number]
+    notes = (*row.notes, TENSIONED) if len(made.kept) else row.notes
+    return replace(row, rows=replace(row.rows, readings=readings), believed=row.rows, notes=notes)
 
 
 def _solved(loaded: LoadedMachine, start: Start, row: _Row) -> MachineShape:
     """The machine in its row. Raises BadInput where it cannot be solved."""
-    shape = machine_shape(loaded, start.values, row.rows, row.number)
+    shape = machine_shape(loaded, start.values, row.rows, row.number, row.believed)
     if isinstance(shape, str):
-        raise BadInput([row.row_origin.fault(shape)])
+        fault = row.row_origin.fault(shape)
+        untensioned = holds_ropes(loaded.model) and not tensions_ropes(loaded.model)
+        raise BadInput([replace(fault, hint=UNTENSIONED) if untensioned else fault])
     return shape
 
 

@@ -20,7 +20,8 @@ from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.workflow.pose_set import PoseSet
 
-_UNTENSIONED = "set values without strain: redundant drives tension ropes where these state `t_min`"
+UNTENSIONED = "set values without strain: redundant drives tension ropes where these state `t_min`"
+TENSIONED = "with set values of least forces at which ropes keep `t_min`"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,13 +33,14 @@ class TensionedRows:
     lost: dict[int, str]
 
 
-def tensions_ropes(model: Model) -> bool:
-    """Whether redundant drives that hold positions decide how ropes pull, and it is stated how much these shall."""
-    return bool(_decides(model) and model.least_tensions)
-
-
-def _decides(model: Model) -> bool:
+def holds_ropes(model: Model) -> bool:
+    """Whether redundant drives that hold positions decide how ropes pull."""
     return bool(model.exact.ropes and model.redundant_drives)
+
+
+def tensions_ropes(model: Model) -> bool:
+    """Whether such drives do, and it is stated how much the ropes shall pull."""
+    return holds_ropes(model) and bool(model.least_tensions)
 
 
 def tensioned(model: Model, values: Array, poses: Array, rows: Rows) -> TensionedRows:
@@ -58,13 +60,13 @@ def tensioned_poses(to: Listener, loaded: LoadedMachine, values: Array, poses: P
     Rows of set values stay as they are. Raises BadInput for rows of a table that cannot be tensioned.
     """
     model, used = loaded.model, poses.poses
-    if used.targets is None or not _decides(model):
+    if used.targets is None or not holds_ropes(model):
         return poses
     posed = np.nonzero(np.isfinite(used.targets).all(axis=1))[0]
     if not len(posed):
         return poses
     if not tensions_ropes(model):
-        to.notes([_UNTENSIONED])
+        to.notes([UNTENSIONED])
         return poses
     made = tensioned(model, values, used.targets[posed], used.rows.take(posed))
     readings = used.rows.readings.copy()
@@ -72,5 +74,5 @@ def tensioned_poses(to: Listener, loaded: LoadedMachine, values: Array, poses: P
     tensed = poses.with_readings(readings).without_points({int(posed[k]): why for k, why in made.lost.items()})
     if not len(tensed.kept):
         tensed.failed.show(to)
-    to.notes([f"{count(len(made.kept), 'pose')} with set values of least forces at which ropes keep `t_min`"])
+    to.notes([f"{count(len(made.kept), 'pose')} {TENSIONED}"])
     return tensed
