@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import pytest
 
 from pkmcal_cli.report.number_format import handy, plain_number, plausible_share, uncertain, unknown
 from pkmcal_cli.units.unit_text import parse_unit
+from tests.command import run
 
 
 def test_numbers_are_plain() -> None:
@@ -31,7 +33,33 @@ def test_amounts_have_units_that_suit_them(value: float, unit: str, text: str) -
     assert handy(value, parse_unit(unit)) == text
 
 
+MACHINE = """
+units: {length: mm, angle: deg}
+space: planar
+parameters:
+  bx: {nominal: 350*cos(90*pi/180), range: 0.1}
+  by: {nominal: 350*sin(90*pi/180), range: 0.1}
+  small: {nominal: 2e-6, range: 0.1}
+ground: {O: [bx, by]}
+guides: {rail: {along: x}}
+bodies: {car: {guide: rail, at: 0, points: {D: [small, 0]}}}
+actuators: {q: {moves: car}}
+sensors: {bar: {kind: distance, at: D, to: O, sigma: 1 um}}
+"""
+
+
+def test_a_nominal_value_that_is_rounding_is_zero(tmp_path: Path) -> None:
+    """cos 90 deg is 0, and what is small by its statement stays; JSON is exact."""
+    (tmp_path / "m.yaml").write_text(MACHINE)
+    told = run("check", tmp_path / "m.yaml").err
+    rows = {line.split()[0]: line.split()[1] for line in told.splitlines() if "+-" in line}
+    assert rows == {"bx": "0", "by": "350", "small": "2e-06"}, told
+    exact = {p["name"]: p["nominal"] for p in run("check", tmp_path / "m.yaml", "--json").json["parameters"]}
+    assert exact["bx"] == pytest.approx(350 * math.cos(math.radians(90)), abs=0, rel=1e-12)
+
+
 def test_what_rounds_to_nothing_has_no_minus() -> None:
+    assert unknown(-1e-9, 0.1, "mm") == "0.000(?) mm"
     assert uncertain(-1e-9, 0.068, "mm") == "0.000(68) mm" and uncertain(-0.4, 100.0) == "0(100)"
 
 

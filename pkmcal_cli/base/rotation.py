@@ -146,3 +146,11 @@ def best_motion(here: Array, there: Array) -> tuple[Array, Array]:
     a, b = here.mean(axis=0), there.mean(axis=0)
     rotation = best_rotation(here - a, there - b)
     return rotation, b - rotation @ a
+
+
+def small_motions(places: Array) -> Array:
+    """How places (n, d) move (n, d, f) by small rotations about their middle, three or in the plane one, and shifts."""
+    axes = places.shape[1]
+    about = np.pad(places - places.mean(axis=0), ((0, 0), (0, 3 - axes)))
+    turns = -skew(about)[:, :axes, 2 * (3 - axes) :]
+    return np.concatenate([turns, np.broadcast_to(np.eye(axes), (len(places), axes, axes))], axis=2)

@@ -42,8 +42,22 @@ def point_errors(
     U is twice the standard uncertainty of the instrument along the error (its largest where there is none); besides
     (N, C): standard uncertainties of readings for another reason.
     """
+    return _errors(problem, errors, on, besides, _by_point(problem))
+
+
+def length_errors(
+    problem: Problem, errors: Array, on: NDArray[np.bool_], besides: Array | None = None
+) -> PointErrors:
+    """The same of distances, spans and touched places, each by itself: measured less predicted length."""
+    return _errors(problem, errors, on, besides, [[k] for k in problem.model.measuring(Measurand.DISTANCE)])
+
+
+def _errors(
+    problem: Problem, errors: Array, on: NDArray[np.bool_], besides: Array | None, groups: Sequence[list[int]]
+) -> PointErrors:
+    """Sizes of the errors of groups of channels."""
     rows, sizes, expanded = [], [], []
-    for columns in _by_point(problem):
+    for columns in groups:
         for row in np.nonzero(on[:, columns].any(axis=1))[0]:
             used = [k for k in columns if on[row, k]]
             e, noise = errors[row, used], problem.noise[row][np.ix_(used, used)]
@@ -85,12 +99,18 @@ def joined(parts: Sequence[PointErrors]) -> PointErrors:
 class Judged:
     """Points by a tolerance, m: one passes where |e| + U is within it, fails where |e| - U is not (ISO 14253-1).
 
-    unpredicted: number of rows that nothing predicts, so nobody can tell.
+    unpredicted: number of rows that nothing predicts, so nobody can tell; lengths: these are lengths, not points.
     """
 
     points: PointErrors
     tolerance: float
     unpredicted: int = 0
+    lengths: bool = False
+
+    @property
+    def noun(self) -> str:
+        """What is judged, in a word."""
+        return "length" if self.lengths else "point"
 
     @property
     def passed(self) -> NDArray[np.bool_]:

@@ -8,7 +8,7 @@ all rows; where an instrument stands anew, its frame is fitted to the rows first
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,11 +19,12 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.errors_before_after import kinds_of
 from pkmcal_cli.calibration.fitted_frames import frame_parameters
 from pkmcal_cli.calibration.identify import identify
-from pkmcal_cli.calibration.point_errors import Judged, K, PointErrors, point_errors
+from pkmcal_cli.calibration.point_errors import Judged, K, PointErrors, length_errors, point_errors
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate, linearise, lost_rows, reasons
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction.unknown_shapes import between_knots
+from pkmcal_cli.units.measurands import Measurand
 
 SIGNIFICANT = 0.01
 """Chance of errors so large below which readings and parameters do not agree."""
@@ -74,10 +75,18 @@ class Verification:
     def points(self) -> PointErrors:
         """Errors of points; U includes by how much each would be further off, were it not fitted itself, and what an
         unknown side of approach may add."""
-        points = point_errors(self.problem, self.errors, self.on, self.by_side)
+        return self._errors(point_errors)
+
+    @property
+    def lengths(self) -> PointErrors:
+        """The same of distances, each by itself."""
+        return self._errors(length_errors)
+
+    def _errors(self, of: Callable[..., PointErrors]) -> PointErrors:
+        points = of(self.problem, self.errors, self.on, self.by_side)
         if not self.refitted:
             return points
-        more = point_errors(self.problem, np.where(self.on, self.alone, 0.0), self.on).errors - points.errors
+        more = of(self.problem, np.where(self.on, self.alone, 0.0), self.on).errors - points.errors
         return replace(points, expanded=points.expanded + np.maximum(more, 0.0))
 
     @property
@@ -222,5 +231,6 @@ def _unexplained(problem: Problem, left: Mapping[str, float]) -> Array:
 
 
 def judged(v: Verification, tolerance: float) -> Judged:
-    """Position errors by a tolerance, m: distance of measured from predicted point."""
-    return Judged(v.points, tolerance, len(v.failed))
+    """Position errors by a tolerance, m: distance of measured from predicted point; without positions, lengths."""
+    lengths = not v.on[:, v.problem.model.measuring(Measurand.POSITION)].any()
+    return Judged(v.lengths if lengths else v.points, tolerance, len(v.failed), lengths)

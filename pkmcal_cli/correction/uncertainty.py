@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pkmcal_cli.base.rotation import Array, skew
+from pkmcal_cli.base.rotation import Array, small_motions
 from pkmcal_cli.correction.set_values import Aim
 from pkmcal_cli.correction.strained_pose import LoadedTool, StrainedPose
 from pkmcal_cli.prediction import Rows, WarmStart
@@ -77,10 +77,7 @@ def _apart(tool: LoadedTool, aim: Aim, by_tool: Array, covariance: Array) -> Arr
     rows, freedoms = np.nonzero(np.isfinite(by_tool).all(axis=(1, 2)))[0], axes * (axes + 1) // 2
     if len(columns) < axes or len(rows) * axes < 2 * freedoms:
         return out
-    places = aim.targets[rows][:, columns]
-    about = np.pad(places - places.mean(axis=0), ((0, 0), (0, 3 - axes)))
-    turns = skew(about)[:, :axes, 3 - (freedoms - axes) :]
-    motions = np.concatenate([turns, np.broadcast_to(np.eye(axes), (len(rows), axes, axes))], axis=2)
+    motions = small_motions(aim.targets[rows][:, columns])
     basis, sizes, _ = np.linalg.svd(motions.reshape(-1, freedoms), full_matrices=False)
     rigid = basis[:, sizes > _NO_TURN * sizes[0]]
     moved = by_tool[rows][:, columns].reshape(len(basis), -1)

@@ -25,10 +25,11 @@ from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.equilibrium.system_numbers import (
     SystemNumbers,
     constant_offset_vectors,
+    frame_vectors,
     link_sizes,
     rest_values,
 )
-from pkmcal_cli.mechanism.topology import Drive, DriveKind, Group
+from pkmcal_cli.mechanism.topology import GROUND, Drive, DriveKind, Group
 from pkmcal_cli.units.measurands import Measurand
 
 
@@ -93,7 +94,8 @@ def read_quantities(
             values[:, c] = vectors[q.index][:, q.component]
             if gradient is not None and direct is not None:
                 row = log_jacobian(vectors[q.index])[:, q.component]  # (N, 3)
-                _rotation_gradient(system, state, q.index, row, gradient[:, c], direct[:, c])
+                into = gradient[:, c], direct[:, c]
+                _rotation_gradient(system, coefficients, state, q.index, along=row, into=into)
         else:
             drive, gain = topology.drives[q.index], int(gains[q.index])
             part = _drive_reading(system, coefficients, state, drive, gain, derivatives)
@@ -114,21 +116,27 @@ def _scatter_row(target: Array, unknowns: Array, local: Array) -> None:
         target[:, unknowns[k]] += local[:, k]
 
 
-def _rotation_gradient(system: System, state: State, r: int, row: Array, gradient: Array, direct: Array) -> None:
-    """Chain row . theta_r (N, 3) to the unknowns of rotation r, or to the coefficients that prescribe it."""
-    topology = system.topology
-    start, kind = int(topology.rotation_dofs[r]), topology.rotations.kind[r]
-    axis = topology.rotations.axis[r]
+def _rotation_gradient(
+    system: System, coefficients: Array, state: State, r: int, *, along: Array, into: tuple[Array, Array]
+) -> None:
+    """Chain along . theta_r (N, 3) to the unknowns (N, n + c) of rotation r and its carriers, and to the coefficients
+    (N, S) that turn or prescribe these."""
+    topology, (gradient, direct) = system.topology, into
+    rotations, frames = topology.rotations, topology.frames.tolist()
+    while r in frames:
+        carrier = int(rotations.carrier[r])
+        inner = along if carrier == GROUND else np.einsum("nij,ni->nj", state.rotation[:, carrier], along)
+        turning = left_jacobian(frame_vectors(topology, coefficients)[:, frames.index(r)])
+        direct[:, rotations.coefficients[r]] += (inner[:, None, :] @ turning)[:, 0]
+        r = carrier
+    start, kind = int(topology.rotation_dofs[r]), rotations.kind[r]
     if start >= 0:
-        entries = row if kind == 1 else (row @ axis)[:, None]
+        entries = along if kind == 1 else (along @ rotations.axis[r])[:, None]
         where = system.unknown_of[start : start + entries.shape[1]]
         gradient[:, where[where >= 0]] = entries[:, where >= 0]
-        coefficient = topology.rotations.coefficients[r, 0]
+        coefficient = rotations.coefficients[r, 0]
         if kind != 1 and coefficient >= 0 and where[0] < 0:
             direct[:, coefficient] = entries[:, 0]
-    elif topology.rotations.coefficients[r, 0] >= 0:
-        vector = _rotated(state, r, topology.rotations.reference)
-        direct[:, topology.rotations.coefficients[r]] = (row[:, None, :] @ left_jacobian(vector))[:, 0]
 
 
 def _drive_reading(
@@ -150,7 +158,8 @@ def _drive_reading(
     elif drive.kind is DriveKind.ROTATION:
         r = drive.target[0]
         position = _rotated(state, r, system.topology.rotations.reference) @ system.topology.rotations.axis[r]
-        _rotation_gradient(system, state, r, np.tile(system.topology.rotations.axis[r], (rows, 1)), unknowns, direct)
+        along = np.tile(system.topology.rotations.axis[r], (rows, 1))
+        _rotation_gradient(system, coefficients, state, r, along=along, into=(unknowns, direct))
     else:
         position = _strain_position(
             system, coefficients, state, drive=drive, unknowns=unknowns, direct=direct, derivatives=derivatives

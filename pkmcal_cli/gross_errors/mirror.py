@@ -30,7 +30,8 @@ from pkmcal_cli.units.file_units import Unit, parse_unit
 Points = Sequence[Sequence[int]]
 """Columns of the coordinates of each point that one instrument sees."""
 
-_SPARE = 2  # points more than axes: below, a motion explains nearly anything
+MORE_THAN_AXES = 2
+"""Points more than axes: below, a motion explains nearly anything."""
 
 
 def brought_back(readings: FloatArray, predicted: FloatArray, points: Points, turns: Turns = ()) -> FloatArray:
@@ -59,7 +60,7 @@ def _motion(readings: FloatArray, predicted: FloatArray, points: Points) -> tupl
     """Rotation (d, d) and shift (d,) that bring the points onto their predictions; None with too few."""
     here, there = (np.concatenate([table[:, list(p)] for p in points]) for table in (readings, predicted))
     known = np.asarray(np.isfinite(here).all(axis=1) & np.isfinite(there).all(axis=1))
-    return None if known.sum() < here.shape[1] + _SPARE else best_motion(here[known], there[known])
+    return None if known.sum() < here.shape[1] + MORE_THAN_AXES else best_motion(here[known], there[known])
 
 
 @dataclass(frozen=True)

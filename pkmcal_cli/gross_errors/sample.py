@@ -8,13 +8,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.base.rotation import Array, log_jacobian, small_motions
 from pkmcal_cli.calibration.fitted_frames import of_unplaced
 from pkmcal_cli.calibration.misfit import residuals
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate
 from pkmcal_cli.gross_errors.frame_turns import lever
-from pkmcal_cli.gross_errors.mirror import brought_back
+from pkmcal_cli.gross_errors.mirror import MORE_THAN_AXES, brought_back
 from pkmcal_cli.gross_errors.plausibility import FEW, GROSS, rms, spread
 from pkmcal_cli.prediction import WarmStart
 
@@ -22,6 +22,7 @@ IntArray = NDArray[np.intp]
 _ROWS = 200  # a sample of a long table shows a gross mistake as well
 _HALF = 0.5
 _TURNED = 0.2  # rad: a frame that may be turned by more than this is turned nobody knows how
+_NO_TURN = 1e-9  # share of the largest motion of points: what turns points on a line about it moves none
 _FEW, _FEWEST = 0.1, 6  # share of rows, at least one, of as many or more
 
 
@@ -30,7 +31,7 @@ class Sample:
     """A sample of the table, predicted at the starting values.
 
     whole: the whole table; rows (n,): numbers of the sample's rows in it; prior_rms (C,): rms that errors of parameters
-    and noise cause.
+    and noise cause, less what an instrument takes up that stands anywhere.
     """
 
     whole: Problem
@@ -54,8 +55,8 @@ class Sample:
         }
         without_frames = tuple(n for n in parameters if n not in of_unknown_frames)
         evaluation = evaluate(sample, values, without_frames, None if states is None else states.take(rows))
-        prior = _prior_rms(sample, evaluation, without_frames)
-        made = cls(problem, rows, sample, evaluation, prior)
+        made = cls(problem, rows, sample, evaluation, np.zeros(len(problem.model.channels)))
+        made = replace(made, prior_rms=_prior_rms(made, without_frames))
         return replace(made, prior_rms=_with_alignment(made))
 
     @cached_property
@@ -178,15 +179,33 @@ def _with_alignment(sample: Sample) -> Array:
     return out
 
 
-def _prior_rms(sample: Problem, evaluation: Evaluation, parameters: tuple[str, ...]) -> Array:
+def _prior_rms(sample: Sample, parameters: tuple[str, ...]) -> Array:
     """Rms (C,) of residuals that noise and errors of parameters within their ranges cause."""
-    ranges = {p.name: p.range for p in sample.model.parameters}
+    ranges = {p.name: p.range for p in sample.part.model.parameters}
     prior = np.array([ranges[n] for n in parameters]).reshape(-1) / 2
-    jacobian = evaluation.prediction.jacobian
+    jacobian = sample.evaluation.prediction.jacobian
     assert jacobian is not None
-    variance = ((jacobian * prior) ** 2).sum(axis=2)
-    noise = np.where(sample.measured, sample.sigma, np.nan) ** 2
+    variance = (_less_motions(sample, jacobian * prior) ** 2).sum(axis=2)
+    noise = np.where(sample.part.measured, sample.part.sigma, np.nan) ** 2
     return np.array([np.sqrt(_mean(v) + _mean(n)) for v, n in zip(variance.T, noise.T, strict=True)])
+
+
+def _less_motions(sample: Sample, moved: Array) -> Array:
+    """What errors of parameters do to predictions (n, C, p), less the rigid motion that brings a frame back by it."""
+    moved, predicted, known = moved.copy(), sample.predicted, np.isfinite(sample.readings + sample.predicted)
+    for points, turns in zip(sample.frames, sample.turns, strict=True):
+        rows, which = np.nonzero(np.stack([known[:, p].all(axis=1) for p in points], axis=1))
+        if len(rows) < len(points[0]) + MORE_THAN_AXES:
+            continue
+        at = rows[:, None], np.array(points)[which]
+        motions, by = small_motions(predicted[at]), moved[at]
+        rates = np.linalg.lstsq(motions.reshape(-1, motions.shape[2]), by.reshape(-1, moved.shape[2]), _NO_TURN)[0]
+        moved[:, [k for p in points for k in p]] = np.nan  # what is not whole is not brought back
+        moved[at] = by - motions @ rates
+        for vector in turns:
+            spin = rates[: -len(points[0])]
+            moved[:, vector] -= spin if len(vector) == 1 else log_jacobian(predicted[:, vector]) @ spin
+    return moved
 
 
 def _mean(values: Array) -> float:

@@ -15,7 +15,7 @@ from pkmcal_cli.pictures.error_map import PlaneErrors, errors_in_words, map_part
 from pkmcal_cli.pictures.parts import Part, composed, dots, shown_unit, thinned
 from pkmcal_cli.pictures.picture import LOOKS, NOISE, Picture
 from pkmcal_cli.pictures.titles import Titles
-from pkmcal_cli.units.unit_text import Unit
+from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import SubFigure
@@ -25,11 +25,16 @@ _SHOWN = 3000  # rows
 
 @dataclass(frozen=True)
 class _Moved:
-    """By how much set values (N,) of a drive were changed, SI."""
+    """By how much set values (N,) of a drive were changed, SI; unit: in which the drive is set."""
 
     name: str
     by: Array
-    angular: bool
+    unit: Unit
+
+    @property
+    def axis(self) -> tuple[str, str]:
+        """What drives of one panel have in common: lengths, then angles, then a unit with a name of its own."""
+        return (self.unit.text, "") if self.unit.size else ("", self.unit.dimension.name)
 
 
 def correction_picture(
@@ -41,8 +46,9 @@ def correction_picture(
     places = _places(result, held)
     parts = [map_part(p, length) for p in places]
     moved = _moved(model, result)
-    for angular in (False, True):
-        alike = [m for m in moved if m.angular == angular]
+    axes = sorted({m.axis for m in moved}, key=lambda axis: (axis[0], axis[1] == "angle"))
+    for axis in axes:
+        alike = [m for m in moved if m.axis == axis]
         parts += [_moved_part(alike[k : k + len(LOOKS)]) for k in range(0, len(alike), len(LOOKS))]
     count = len(result.correction.good)
     errors = errors_in_words(places) + " " if places else ""
@@ -73,14 +79,15 @@ def _moved(model: Model, result: Assessment) -> list[_Moved]:
     made, good = result.correction, result.correction.good
     by = (made.rows.readings - made.aim.rows.readings)[good]
     return [
-        _Moved(a.name, by[:, k], a.dimension == "angle") for k, a in enumerate(model.actuators)
+        _Moved(a.name, by[:, k], parse_unit(a.unit)) for k, a in enumerate(model.actuators)
         if np.isfinite(by[:, k]).any()
     ]  # fmt: skip
 
 
 def _moved_part(moved: Sequence[_Moved]) -> Part:
     largest = max(float(np.nanmax(np.abs(m.by))) for m in moved)
-    unit = shown_unit("angle" if moved[0].angular else "length", largest)
+    name, dimension = moved[0].axis
+    shown = None if name else shown_unit(dimension, largest)
 
     def draw(figure: SubFigure) -> None:
         from matplotlib.ticker import MaxNLocator
@@ -89,9 +96,9 @@ def _moved_part(moved: Sequence[_Moved]) -> Part:
         ax.axhline(0, color=NOISE, lw=0.8)
         for (colour, marker), one in zip(LOOKS, moved, strict=False):
             rows = thinned(len(one.by), _SHOWN)
-            dots(ax, rows + 1, one.by[rows] / unit.scale, colour, marker, one.name)
+            dots(ax, rows + 1, one.by[rows] / (shown or one.unit).scale, colour, marker, one.name)
         ax.set_xlabel("target")
-        ax.set_ylabel(f"change of set value [{unit.text}]")
+        ax.set_ylabel(f"change of set value [{name if shown is None else shown.text}]")
         ax.xaxis.set_major_locator(MaxNLocator(integer=True))
         ax.margins(0.04, 0.1)
         ax.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)

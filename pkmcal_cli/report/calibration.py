@@ -30,7 +30,7 @@ from pkmcal_cli.report.figures import criterion_text, figure_unit, figures_json,
 from pkmcal_cli.report.heldout_json import heldout_json
 from pkmcal_cli.report.joint_uncertainty import correlations, data_lines
 from pkmcal_cli.report.loads import Loads
-from pkmcal_cli.report.number_format import finite, readable, uncertain, unknown
+from pkmcal_cli.report.number_format import finite, nominal_number, readable, uncertain, unknown
 from pkmcal_cli.report.odd_readings import OddReadings
 from pkmcal_cli.report.parameters import (
     NO_EFFECT,
@@ -204,7 +204,8 @@ class CalibrationReport:
     def _row(self, r: ParameterRow) -> tuple[str, ...]:
         known = r.by_data is not None
         value = uncertain(r.value, r.by_data, r.unit) if known else unknown(r.value, r.range, r.unit)
-        return r.name, f"{r.nominal:.8g}", value, *self._held(r), *self._ends(r), r.spread, r.reason or ""
+        nominal = nominal_number(r.nominal, r.range)
+        return r.name, nominal, value, *self._held(r), *self._ends(r), r.spread, r.reason or ""
 
     @property
     def _held_head(self) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.limitations import limitations
-from pkmcal_cli.report.number_format import finite, to_digits
+from pkmcal_cli.report.number_format import finite, nominal_number, to_digits
 from pkmcal_cli.units.unit_text import parse_unit
 
 _GAPS = 10  # gaps of the reference configuration that are listed
@@ -58,6 +58,11 @@ def machine_json(machine: Machine, compiled: Compiled) -> dict[str, Any]:
     }
 
 
+def _spread(parameter: dict[str, Any]) -> str:
+    """The range, "" where it is exact."""
+    return "" if parameter["fixed"] else f"+-{to_digits(parameter['range'], 4)}"
+
+
 def _remark(parameter: dict[str, Any]) -> str:
     """Whether a parameter is exact, or not identified."""
     if parameter["fixed"]:
@@ -93,7 +98,7 @@ def show_machine(to: Reporter, machine: Machine, compiled: Compiled, r: dict[str
 def _show_tables(to: Reporter, machine: Machine, compiled: Compiled, r: dict[str, Any]) -> None:
     """Parameters, drives and workspace."""
     rows = [
-        (p["name"], f"{p['nominal']:.8g}", "" if p["fixed"] else f"+-{to_digits(p['range'], 4)}", p["unit"], _remark(p))
+        (p["name"], nominal_number(p["nominal"], p["range"]), _spread(p), p["unit"], _remark(p))
         for p in r["parameters"]
     ]
     if rows:

@@ -6,6 +6,8 @@ import math
 
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
+_ROUNDING = 1e-9  # of a range: nobody states a value that is so near zero
+
 
 def uncertain(value: float, std: float | None, unit: str = "", digits: int = 2) -> str:
     """Value with its standard uncertainty in the last digits (GUM 7.2.2): 300.0123(41) mm."""
@@ -32,7 +34,13 @@ def unknown(value: float, spread: float, unit: str = "") -> str:
     tail = f" {unit}" if unit not in ("", "1") else ""
     if not (math.isfinite(spread) and spread > 0.0):
         return f"{value:.6g}(?){tail}"
-    return f"{value:.{min(max(2 - math.floor(math.log10(spread)), 0), 12)}f}(?){tail}"
+    decimals = min(max(2 - math.floor(math.log10(spread)), 0), 12)
+    return f"{round(value, decimals) or 0.0:.{decimals}f}(?){tail}"
+
+
+def nominal_number(value: float, spread: float) -> str:
+    """A nominal value to eight digits; 0 where it is what rounding leaves of an expression, whatever its range."""
+    return f"{0.0 if abs(value) < _ROUNDING * spread else value:.8g}"
 
 
 def finite(value: float | None) -> float | None:

@@ -19,6 +19,10 @@ from pkmcal_cli.report.sentences import PARTLY, STANDS_ANYWHERE
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _LISTED = 20
+_LENGTHS_ALONE = (
+    "No positions were measured: each length is judged by itself. "
+    "How far the tool point is off across it, it does not show."
+)
 _WITH_FRAME = "U of each point includes that the instrument's place is fitted to it as well as to the others."
 
 
@@ -56,7 +60,7 @@ class VerificationReport:
         words = {"pass": "PASS", "fail": "FAIL", "undecided": "UNDECIDED"}[j.verdict]
         assert self.unit is not None
         sums = f"{int(j.passed.sum())} pass, {int(j.failed.sum())} fail, {int(j.undecided.sum())} undecided"
-        points = f"{count(len(j.points.rows), 'point')}: {sums}{self._lost}"
+        points = f"{count(len(j.points.rows), j.noun)}: {sums}{self._lost}"
         return f"{words} (ISO 14253-1, tolerance {self.unit.from_si(j.tolerance):.6g} {self.unit.text}): {points}"
 
     @property
@@ -81,6 +85,8 @@ class VerificationReport:
         if self.judged is not None and not v.p_value >= SIGNIFICANT and v.dof > 0:
             to.warn(f"warning: NOT COMPATIBLE with the parameters: p {v.p_value:.2g}; something has changed")
         partly = 0 if self.judged is None else partly_measured(v.problem, self.judged.points.rows)
+        if self.judged is not None and self.judged.lengths:
+            to.say(_LENGTHS_ALONE)
         if partly:
             to.say(PARTLY.format(points=count(partly, "point")))
         if v.refitted:
@@ -136,7 +142,7 @@ class VerificationReport:
         assert unit is not None
         e, u = (to_digits(unit.from_si(float(x[k])), 4) for x in (j.points.errors, j.points.expanded))
         known = f"U {u} {unit.text} (k = 2)" if np.isfinite(j.points.expanded[k]) else "U unknown"
-        return [f"largest position error: {e} {unit.text}, {known}, at {at}"]
+        return [f"largest {'length' if j.lengths else 'position'} error: {e} {unit.text}, {known}, at {at}"]
 
     def _channels(self) -> list[dict[str, Any]]:
         v, out = self.verification, []

@@ -11,7 +11,7 @@ from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.report.diagnosis import OVERWHELMING
 from pkmcal_cli.report.figures import figure_unit, kind_label
-from pkmcal_cli.report.number_format import readable
+from pkmcal_cli.report.number_format import nominal_number, readable
 from pkmcal_cli.report.sentences import cause_effect_action, command, listed
 from pkmcal_cli.sheet.acceptance import Acceptance
 from pkmcal_cli.sheet.causes import causes
@@ -148,7 +148,7 @@ def _with_causes(results: Results) -> Table | None:
     weights = {n for shape in report.improvement.whole.shapes for n in shape.hypothesis.parameters}  # of curves above
     for name in (n for n in report.improvement.fit.selected if n not in weights):
         row = declared.get(name)
-        known = ("-", "") if row is None else (f"{row.nominal:.8g}", row.spread)
+        known = ("-", "") if row is None else (nominal_number(row.nominal, row.range), row.spread)
         estimate = report.estimate_text(name) if report.estimate(name)[1] is not None else "undetermined"
         rows.append((name, known[0], estimate, known[1]))
     return Table("Identified together with the causes", ("name", "nominal", "identified", "range"), tuple(rows))

@@ -140,14 +140,15 @@ def _share(results: Results, judged: Judged) -> str:
     share = 100 * u / unit.from_si(limit)
     problem = results.all_rows if results.verified is None else results.verified.verification.problem
     room = unit.from_si(limit) - u
-    passes = f"a point passes up to {room:.3g} {unit.text}," if share < _ALL else "no point can pass, one"
+    passes = f"a {judged.noun} passes up to {room:.3g} {unit.text},"
+    passes = passes if share < _ALL else f"no {judged.noun} can pass, one"
     partly = partly_measured(problem, points.rows)
     in_part = f" {PARTLY.format(points=count(partly, 'point'))}" if partly else ""
     return (
-        f"ISO 14253-1, {count(len(points.rows), 'point')} of {which}: {sums}.{in_part} "
+        f"ISO 14253-1, {count(len(points.rows), judged.noun)} of {which}: {sums}.{in_part} "
         f"Instrument: U = {u:.2g} {unit.text} (k = 2), {float(f'{share:.2g}'):g} % of the tolerance: {passes} fails "
         f"beyond {unit.from_si(limit) + u:.3g} {unit.text}; "
-        "the machine passes if every point does."
+        f"the machine passes if every {judged.noun} does."
     )
 
 
@@ -182,7 +183,7 @@ def _judged_error(results: Results, judged: Judged) -> str:
     old = "" if built is None else f" As built (nominal dimensions): {results.length_text(built.largest)} at most."
     if results.verified is None:
         old += " The verdict is of a control that uses the identified parameters, or corrected set values."
-    return f"Judged: position errors of {state}{where}.{old}"
+    return f"Judged: {'length' if judged.lengths else 'position'} errors of {state}{where}.{old}"
 
 
 def _lines(results: Results) -> list[str]:

@@ -1,7 +1,8 @@
 """How sure the TCP is after a calibration, at every position, as `correct` tells it of its set values.
 
 The parameters' covariance carried to its coordinates, what shapes do not know between their knots, sides of approach
-that nobody knows, and what the calibration left beyond noise.
+that nobody knows, and what the calibration left beyond noise. Where an instrument that may stand anywhere reads the
+TCP, its readings are the coordinates: the base, in whose axes nobody measured, is known far worse than they are.
 """
 
 from __future__ import annotations
@@ -31,9 +32,11 @@ from pkmcal_cli.units.measurands import Measurand
 class ErrorMap:
     """Standard uncertainties of TCP coordinates, block by block; `covariance` (p, p) of `names`, SI.
 
-    unexplained: what the calibration left beyond noise, of a coordinate, m, and of an orientation, rad.
+    unexplained: what the calibration left beyond noise, of a coordinate, m, and of an orientation, rad; machine: the
+    model with its own channels.
     """
 
+    machine: Model
     model: Model
     values: Array
     names: tuple[str, ...]
@@ -59,12 +62,34 @@ class ErrorMap:
             raise BadInput.single(message, Location(path), "write it with `pkmcal calibrate -o`", "parameters")
         names, matrix = start.covariance
         left = (start.evidence or Evidence({})).of_tool
-        return cls(model=tcp_model(model), values=start.values, names=names, covariance=matrix, unexplained=left)
+        return cls(
+            machine=model,
+            model=tcp_model(model),
+            values=start.values,
+            names=names,
+            covariance=matrix,
+            unexplained=left,
+        )
 
     @cached_property
     def columns(self) -> list[tuple[str, str]]:
         """Headers and units."""
-        return [(f"u.{c.name}", self._unit(c.dimension)) for c in self.model.channels]
+        channels = list(self.model.channels)
+        for k, j in self.read.items():
+            channels[k] = self.machine.channels[j]
+        return [(f"u.{c.name}", self._unit(c.dimension)) for c in channels]
+
+    @cached_property
+    def read(self) -> dict[int, int]:
+        """Coordinates that an instrument with a fitted frame reads, by its channels; none where one is aligned."""
+        machine, out = self.machine, dict[int, int]()
+        if not {machine.channels[k].instrument for k in machine.measuring(Measurand.POSITION)} <= machine.fitted_frames:
+            return {}
+        for j, read in enumerate(machine.channels):
+            for k, c in enumerate(self.model.channels):
+                if (read.measurand, read.index, read.component) == (c.measurand, c.index, c.component):
+                    out.setdefault(k, j)
+        return out
 
     def _unit(self, dimension: str) -> str:
         return "um" if dimension == "length" else "urad"
@@ -73,19 +98,27 @@ class ErrorMap:
         """Standard uncertainties (N,), SI, of each coordinate, of rows that are solved; there may be none."""
         if not places:
             return [np.zeros(0) for _ in self.columns]
-        travel = side_sigma(self.model, rows, dict(zip(self.model.names, self.values.tolist(), strict=True)))
-        request = Request(parameters=self.names, by_drive=travel is not None)
-        prediction = predict(self.model, self.values, rows, request, start)
-        assert prediction.jacobian is not None
-        variance = np.einsum("ncp,pq,ncq->nc", prediction.jacobian, self.covariance, prediction.jacobian)
-        variance = variance + between_knots(self.model, self.values, rows, start)
-        if travel is not None:
-            assert prediction.by_drive is not None
-            variance += ((prediction.by_drive * (travel / self.model.gains)[:, None, :]) ** 2).sum(axis=2)
+        variance = self._variance(self.model, rows, start)
+        if self.read:
+            of_readings = self._variance(self.machine, rows, start)
+            variance[:, list(self.read)] = of_readings[:, list(self.read.values())]
         turning = [c.measurand is Measurand.ORIENTATION for c in self.model.channels]
         u = np.hypot(np.sqrt(np.maximum(variance, 0.0)), np.where(turning, *self.unexplained[::-1]))
         self._count(u, places)
         return list(u.T)
+
+    def _variance(self, model: Model, rows: Rows, start: WarmStart) -> Array:
+        """Variances (N, C), SI, of the channels of a model, but for what is unexplained."""
+        travel = side_sigma(model, rows, dict(zip(model.names, self.values.tolist(), strict=True)))
+        request = Request(parameters=self.names, by_drive=travel is not None)
+        prediction = predict(model, self.values, rows, request, start)
+        assert prediction.jacobian is not None
+        variance = np.einsum("ncp,pq,ncq->nc", prediction.jacobian, self.covariance, prediction.jacobian)
+        variance = variance + between_knots(model, self.values, rows, start)
+        if travel is not None:
+            assert prediction.by_drive is not None
+            variance += ((prediction.by_drive * (travel / model.gains)[:, None, :]) ** 2).sum(axis=2)
+        return np.asarray(variance)
 
     def _count(self, u: Array, places: Mapping[int, RowOrigin]) -> None:
         coordinates = self.model.measuring(Measurand.POSITION)
@@ -103,8 +136,10 @@ class ErrorMap:
         rms = np.sqrt(self.squares / self.rows) / 1e-6
         largest, where = self.worst[0] / 1e-6, self.worst[1]
         size = f"{three_digits(rms)} um rms, largest {three_digits(largest)} um"
+        axes = dict.fromkeys(self.machine.channels[j].instrument for j in self.read.values())
+        seen = f", in the axes of {' and '.join(axes)}" if axes else ""
         return (
-            f"uncertainty of the TCP position from the calibration: {size} at "
+            f"uncertainty of the TCP position from the calibration{seen}: {size} at "
             f"{where} (standard uncertainties; twice that for 95 %)"
         )
 

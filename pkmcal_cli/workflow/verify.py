@@ -52,8 +52,9 @@ def verify(
     if start.covariance is None:
         message = "this parameter file has no `correlations` with `std`, so the uncertainty of predictions is unknown"
         raise BadInput.single(message, Location(parameters), "write it with `pkmcal calibrate -o`", "parameters")
-    if tolerance is not None and not problem.measured[:, problem.model.measuring(Measurand.POSITION)].any():
-        raise UsageError("--tolerance: no positions were measured", hint="leave out `--tolerance`")
+    of_length = [k for m in (Measurand.POSITION, Measurand.DISTANCE) for k in problem.model.measuring(m)]
+    if tolerance is not None and not problem.measured[:, of_length].any():
+        raise UsageError("--tolerance: no positions or distances were measured", hint="leave out `--tolerance`")
     left = dict((start.evidence or Evidence({})).unexplained)
     try:
         verification = verified(problem, start.values, Known(*start.covariance, left))

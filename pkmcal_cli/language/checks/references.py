@@ -179,6 +179,10 @@ class NameCheck:
         elif not self._is_excused(name):
             also = [n for section in _POINTS for n in self.quarantined.names(section)]
             hint = self._hint(name, [*self.points, *also], "point")
+            body, _, point = name.rpartition(".")
+            if self.points.get(point) == ("bodies", body, "points", point):
+                self.used["points"].add(point)
+                hint = f"did you mean `{point}`?"
             self._fault("unknown-name", f"unknown point `{name}`", path, hint)
 
     def _hint(self, name: str, names: Iterable[str], kind: str) -> str:

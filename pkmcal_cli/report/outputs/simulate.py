@@ -43,8 +43,8 @@ loads.slack.ropes.ROPE integer: number of rows in which the rope is slack
 provenance~.seed integer: as given
 provenance.noise text: as given
 provenance.method text: as given
-uncertainty~.rms number?: with `--uncertainty`: standard uncertainty of the TCP position due to the calibration, rms
-    over all positions
+uncertainty~.rms number?: with `--uncertainty`: standard uncertainty of the TCP position due to the calibration
+    (in the axes of the instrument where only instruments with `frame: fitted` read positions), rms over all positions
 uncertainty.max number?: largest value
 uncertainty.at text: position of the largest value
 uncertainty.unit text:
