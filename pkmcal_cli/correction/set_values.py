@@ -214,4 +214,4 @@ class _Search:
             self.failed[k] = _unsettled(pose, k)
         held = {k: binding_names(names, on) for k, on in (self.binding | self.beyond).items()}
         self.limits = {k: f"{_LIMITED}: {', '.join(some)}" for k, some in held.items() if some}
-        self.failed |= {k: self.limits[k] for k in self.beyond}
+        self.failed |= {k: self.limits.get(k, _unsettled(pose, k)) for k in self.beyond}
