@@ -108,6 +108,27 @@ def test_a_table_of_poses_that_cannot_be_tensioned_is_refused_and_set_values_sta
     assert there == pytest.approx(stated, abs=1e-9)  # plans have nine digits
 
 
+def test_the_remedy_of_a_grid_without_set_values_is_that_of_the_reason() -> None:
+    """The grid surrounds the pose in which the machine is drawn: its limits are not the cause."""
+    _, text = spatial(200e3, 30.0)
+    Path("m.yaml").write_text(text.replace("zero: home", "zero: home, force_limit: 60"))
+    done = clean(run("correct", "m.yaml", "--grid", "x=-50:50:3,y=-50:50:3"))
+    assert done.code == 3 and "`force_limit` of `q1`" in done.err
+    assert "help: limits leave no room at any point: raise `force_limit`" in done.err
+    Path("m.yaml").write_text(text)
+    done = clean(run("correct", "m.yaml", "--grid", "x=-400:-300:2", "--redundant", "nominal"))
+    assert done.code == 3 and "slack ropes" in done.err
+    assert "help: with `--redundant min-force` or `min-energy` no rope is slack" in done.err
+
+
+def test_tensions_that_no_rope_bears_are_refused_in_words() -> None:
+    """Of 150 times EA: no prediction is left at the end, and so no rope whose bound has a name there."""
+    _, text = spatial(200e3, 3e7)
+    Path("m.yaml").write_text(text)
+    done = clean(run("correct", "m.yaml", "--grid", "5"))
+    assert done.code == 3 and "none of 5 grid points can be used" in done.err
+
+
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
 @pytest.mark.parametrize("objective", [1e-6, 1.0, 1e6])
 def test_units_of_a_programme_do_not_matter(unit: float, objective: float) -> None:
