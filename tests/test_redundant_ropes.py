@@ -121,6 +121,20 @@ def test_the_remedy_of_a_grid_without_set_values_is_that_of_the_reason() -> None
     assert "help: with `--redundant min-force` or `min-energy` no rope is slack" in done.err
 
 
+def test_remedies_of_slack_ropes_do_not_come_from_rounding() -> None:
+    """Without weight and `t_min` no rope has a tension at any target; who has stated `t_min` is not told to."""
+    _, text = planar(50e3, 100.0)
+    Path("m.yaml").write_text(text.replace(", t_min: 100.0", ""))
+    done = clean(run("correct", "m.yaml", "--grid", "x=300:1700:3,y=200:1300:3", "-o", "c.csv"))
+    assert "ropes hardly taut: 9 of 9 targets" in done.err and "{t_min: 10 N}" in done.err, done.err
+    _, text = spatial(200e3, 100.0)
+    Path("m.yaml").write_text(text)
+    stated = clean(run("check", "m.yaml")).err
+    assert "help: set values that tension the ropes hold it" in stated and "state `t_min`" not in stated, stated
+    Path("m.yaml").write_text(text.replace(", t_min: 100.0", ""))
+    assert "as `pkmcal correct` gives them; state `t_min` of the ropes" in clean(run("check", "m.yaml")).err
+
+
 def test_tensions_that_no_rope_bears_are_refused_in_words() -> None:
     """Of 150 times EA: no prediction is left at the end, and so no rope whose bound has a name there."""
     _, text = spatial(200e3, 3e7)
