@@ -48,6 +48,21 @@ sensors:
 tool_point: platform
 workspace: {{box: {{x: [-500, 500], y: [-400, 400], z: [800, 1600]}}}}
 """
+SUSPENDED = """
+units: {{length: mm, angle: deg, force: N}}
+space: spatial
+gravity: [0, 0, -9.81]
+ranges: {{length: 2}}
+parameters: {{x1: -2000}}
+ground: {{A1: [x1, -1500, 2500], A2: [2000, -1500, 2500], A3: [2000, 1500, 2500], A4: [-2000, 1500, 2500]}}
+nodes: {{load: {{at: [0, 0, 1000], mass: 10}}}}
+ropes: {{"r{{i}}": {{each: {{i: [1, 2, 3, 4]}}, between: ["A{{i}}", load], EA: 50 kN, t_min: {least}}}}}
+actuators:
+  "q{{i}}": {{each: {{i: [1, 2, 3]}}, winds: "r{{i}}", zero: home}}
+  q4: {{winds: r4, zero: home, redundant: true}}
+sensors: {{camera: {{at: load, reads: [x, y, z], sigma: 0.1, frame: machine}}}}
+tool_point: load
+"""
 
 
 @dataclass(frozen=True)
@@ -109,3 +124,10 @@ def spatial(ea: float, least: float, mass: float = 12.0, *, crossed: bool = Fals
     held = ", ".join(f"B{i}: [{', '.join(f'{1e3 * c:g}' for c in b)}]" for i, b in enumerate(points, 1))
     text = SPATIAL.format(ground=ground, points="{" + held + "}", mass=mass, ea=ea, least=least)
     return Ropes(anchors, points, np.array([0.0, 0.0, 1.2]), 9.81 * mass, ea), text
+
+
+def suspended(least: float) -> tuple[Ropes, str]:
+    """A point of 10 kg that hangs on four ropes; and its machine file."""
+    anchors = np.array([[2.0 * x, 1.5 * y, 2.5] for x, y in [(-1, -1), (1, -1), (1, 1), (-1, 1)]])
+    true = Ropes(anchors, np.zeros((4, 3)), np.array([0.0, 0.0, 1.0]), 98.1, 50e3)
+    return true, SUSPENDED.format(least=least)

@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 
 from pkmcal_cli.correction.quadratic_programme import Programme, solve
 from tests.command import clean, column, run
-from tests.redundant_ropes import Ropes, planar, spatial
+from tests.redundant_ropes import Ropes, planar, spatial, suspended
 from tests.truth.pinned import Array
 
 
@@ -56,6 +56,23 @@ def test_a_platform_on_eight_ropes(ea: float, least: float, crossed: bool) -> No
     assert done.code == 0 and "25 of 25 targets corrected" in done.err, done.err
     places = np.column_stack([column("c.csv", f"target.{c}") for c in "xyz"]) * 1e-3
     assert_least(true, least, written("c.csv", 8), places)
+
+
+@pytest.mark.parametrize(("least", "choice"), [(20.0, "min-energy"), (24.0, "min-force")])
+def test_a_point_that_hangs_on_four_ropes(least: float, choice: str) -> None:
+    """The tensions of least squares exceed `t_min`, which is not in the way then; nor is it of least energy."""
+    true, text = suspended(least)
+    Path("m.yaml").write_text(text)
+    grid = "x=-800:800:9,y=-600:600:9,z=500:1500:3"
+    done = clean(run("correct", "m.yaml", "--grid", grid, "--redundant", choice, "-o", "c.csv"))
+    assert done.code == 0 and "243 of 243 targets corrected" in done.err, done.err
+    places = np.column_stack([column("c.csv", f"target.{c}") for c in "xyz"]) * 1e-3
+    for q, place in zip(written("c.csv", 4), places, strict=True):
+        tensions, feasible = true.tensions(q, place), true.least(least, place)
+        assert np.abs(true.wrench(tensions, place)).max() < 1e-5 * tensions.max()
+        assert tensions.min() >= least * (1 - 1e-9)
+        assert np.abs(true.wrench(feasible, place)).max() < 1e-5 * tensions.max()
+        assert choice == "min-energy" or tensions == pytest.approx(feasible, rel=1e-4)
 
 
 def test_plans_and_analyses_take_the_set_values_that_tension_the_ropes() -> None:
@@ -108,6 +125,41 @@ def test_a_table_of_poses_that_cannot_be_tensioned_is_refused_and_set_values_sta
     assert there == pytest.approx(stated, abs=1e-9)  # plans have nine digits
 
 
+def test_the_remedy_of_a_grid_without_set_values_is_that_of_the_reason() -> None:
+    """The grid surrounds the pose in which the machine is drawn: its limits are not the cause."""
+    _, text = spatial(200e3, 30.0)
+    Path("m.yaml").write_text(text.replace("zero: home", "zero: home, force_limit: 60"))
+    done = clean(run("correct", "m.yaml", "--grid", "x=-50:50:3,y=-50:50:3"))
+    assert done.code == 3 and "`force_limit` of `q1`" in done.err
+    assert "help: limits leave no room at any point: raise `force_limit`" in done.err
+    Path("m.yaml").write_text(text)
+    done = clean(run("correct", "m.yaml", "--grid", "x=-400:-300:2", "--redundant", "nominal"))
+    assert done.code == 3 and "slack ropes" in done.err
+    assert "help: with `--redundant min-force` or `min-energy` no rope is slack" in done.err
+
+
+def test_remedies_of_slack_ropes_do_not_come_from_rounding() -> None:
+    """Without weight and `t_min` no rope has a tension at any target; who has stated `t_min` is not told to."""
+    _, text = planar(50e3, 100.0)
+    Path("m.yaml").write_text(text.replace(", t_min: 100.0", ""))
+    done = clean(run("correct", "m.yaml", "--grid", "x=300:1700:3,y=200:1300:3", "-o", "c.csv"))
+    assert "ropes hardly taut: 9 of 9 targets" in done.err and "{t_min: 10 N}" in done.err, done.err
+    _, text = spatial(200e3, 100.0)
+    Path("m.yaml").write_text(text)
+    stated = clean(run("check", "m.yaml")).err
+    assert "help: set values that tension the ropes hold it" in stated and "state `t_min`" not in stated, stated
+    Path("m.yaml").write_text(text.replace(", t_min: 100.0", ""))
+    assert "as `pkmcal correct` gives them; state `t_min` of the ropes" in clean(run("check", "m.yaml")).err
+
+
+def test_tensions_that_no_rope_bears_are_refused_in_words() -> None:
+    """Of 150 times EA: no prediction is left at the end, and so no rope whose bound has a name there."""
+    _, text = spatial(200e3, 3e7)
+    Path("m.yaml").write_text(text)
+    done = clean(run("correct", "m.yaml", "--grid", "5"))
+    assert done.code == 3 and "none of 5 grid points can be used" in done.err
+
+
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
 @pytest.mark.parametrize("objective", [1e-6, 1.0, 1e6])
 def test_units_of_a_programme_do_not_matter(unit: float, objective: float) -> None:
@@ -125,3 +177,21 @@ def test_units_of_a_programme_do_not_matter(unit: float, objective: float) -> No
     ).x  # fmt: skip
     found = solve(asked)
     assert found.excess[0] < 1e-7 and unit * found.y[0] == pytest.approx(other, rel=1e-5)  # as SLSQP ends
+
+
+@pytest.mark.parametrize("steep", [0.01, 1.0, 100.0])
+@pytest.mark.parametrize("count", [2, 4, 8])
+def test_programmes_of_one_unknown_end_at_the_nearest_bound(steep: float, count: int) -> None:
+    """Among thousands of any proportions none that goes round in circles and is told to have no solution."""
+    rng, many = np.random.default_rng(1), 4000
+    matrix = steep * rng.normal(size=(many, count))
+    slope = rng.normal(size=many) * rng.choice([0.01, 1.0, 100.0], many) / steep
+    room = rng.exponential(size=(many, count)) * rng.choice([1e-3, 1.0], (many, count))
+    bound = matrix * rng.normal(size=(many, 1)) / steep + room
+    curvature = np.ones((many, 1, 1))
+    found = solve(Programme(curvature=curvature, slope=slope[:, None], matrix=matrix[..., None], bound=bound))
+    ends = bound / matrix
+    low = np.where(matrix < 0, ends, -np.inf).max(axis=1)
+    high = np.where(matrix > 0, ends, np.inf).min(axis=1)
+    assert found.excess.max() < 1e-9
+    assert found.y[:, 0] * steep == pytest.approx(np.clip(-slope, low, high) * steep, rel=1e-6, abs=1e-6)

@@ -1,8 +1,10 @@
 """Small quadratic programmes, one per row, all solved together: what the redundancy of a machine is used for.
 
-Mehrotra's predictor and corrector (Nocedal, Wright 2006, algorithm 16.4). Every bound may be exceeded by one common
-amount at a price that only an infeasible programme pays, so there is always a solution, and where the amount is not
-zero it says which bounds are in the way.
+Mehrotra's predictor and corrector (Nocedal, Wright 2006, algorithm 16.4), whose correction counts by how far the
+prediction can go (Colombo, Gondzio 2008): a whole one may go round in circles (Cartis 2009), and so may steps on which
+the products of slacks and multipliers grow again. Every bound may be exceeded by one common amount at a price that only
+an infeasible programme pays, so there is always a solution, and where the amount is not zero it says which bounds are
+in the way.
 """
 
 from __future__ import annotations
@@ -86,7 +88,7 @@ class _Run:
         self.x = np.zeros(linear.shape)
         self.x[:, -1] = np.maximum(-bound.min(axis=1), 0.0) + 1.0  # inside of all bounds
         self.s = bound - _times(matrix, self.x)
-        self.z = 1.0 / self.s
+        self.z = _PRICE / (self.s * (1.0 / self.s).sum(axis=1, keepdims=True))  # together they are worth the price
         self.active = np.arange(len(linear))
 
     def advance(self) -> bool:
@@ -108,8 +110,8 @@ class _Run:
         far = np.minimum(_way(s, ds), _way(z, dz))[:, None]
         after = ((s + far * ds) * (z + far * dz)).mean(axis=1)
         centre = (after / mean) ** 3 * mean
-        dx, ds, dz = direction(s * z + ds * dz - centre[:, None])
-        far = _BACK * np.minimum(_way(s, ds), _way(z, dz))[:, None]
+        dx, ds, dz = direction(s * z + far**2 * ds * dz - centre[:, None])
+        far = np.minimum(_BACK * np.minimum(_way(s, ds), _way(z, dz)), _lowest(s, ds, z, dz))[:, None]
         self.x[at], self.s[at], self.z[at] = x + far * dx, s + far * ds, z + far * dz
         self.active = at[(self.s[at] * self.z[at]).mean(axis=1) > _GAP]
         return bool(len(self.active))
@@ -124,3 +126,10 @@ def _way(value: Array, step: Array) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(step < 0, -value / step, np.inf)
     return np.asarray(np.minimum(ratio.min(axis=1), 1.0))
+
+
+def _lowest(s: Array, ds: Array, z: Array, dz: Array) -> Array:
+    """How far (n,) along steps of s and z (n, m) their product is least, where it falls at first; else inf."""
+    slope, bend = (s * dz + z * ds).sum(axis=1), (ds * dz).sum(axis=1)
+    turns = (slope < 0) & (bend > 0)
+    return np.asarray(np.where(turns, -slope / np.where(turns, 2.0 * bend, 1.0), np.inf))

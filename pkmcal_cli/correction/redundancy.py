@@ -62,16 +62,20 @@ class Redundancy:
         lengths = [model.topology.moves_length(model.topology.drives[a]) for a in self.drives]
         return np.where(lengths, model.length, 1.0) / model.gains[self.drives]
 
-    def step(self, pose: StrainedPose, readings: Array, error: Array) -> tuple[Array, Optimum]:
-        """Steps (N, D) of set values from readings (N, A) that remove errors (N, h), and the optimum of the rest."""
+    def step(self, pose: StrainedPose, readings: Array, error: Array) -> tuple[Array, Optimum, tuple[str, ...]]:
+        """Steps (N, D) of set values from readings (N, A) that remove errors (N, h), and the optimum of the rest.
+
+        Also its bounds in words: of ropes, those are bounds whose tensions some row can change there.
+        """
         jacobian = pose.by_tool[:, :, self.drives] * self.spans / self.tool.sizes[:, None]
         jacobian = np.nan_to_num(jacobian)
         _, _, right = np.linalg.svd(jacobian)
         there = -(np.linalg.pinv(jacobian) @ np.nan_to_num(error / self.tool.sizes)[..., None])[..., 0] * self.spans
         free = np.swapaxes(right[:, len(self.tool.held) :], 1, 2) * self.spans[:, None]  # (N, D, r)
         free = self._in_forces(pose, free)
-        optimum = solve(self._programme(pose, readings, there, free))
-        return there + (free @ optimum.y[..., None])[..., 0], optimum
+        bounds = self._bounds(pose, readings)
+        optimum = solve(self._programme(pose, readings, there, free, bounds))
+        return there + (free @ optimum.y[..., None])[..., 0], optimum, bounds.names
 
     def _in_forces(self, pose: StrainedPose, free: Array) -> Array:
         """The same directions, of which a unit changes the forces by one scale, each other ones."""
@@ -83,9 +87,8 @@ class Redundancy:
         upper = upper + weak[:, :, None] * np.eye(free.shape[2])
         return np.asarray(np.swapaxes(np.linalg.solve(np.swapaxes(upper, 1, 2), np.swapaxes(free, 1, 2)), 1, 2) / size)
 
-    def _programme(self, pose: StrainedPose, readings: Array, there: Array, free: Array) -> Programme:
+    def _programme(self, pose: StrainedPose, readings: Array, there: Array, free: Array, bounds: Bounds) -> Programme:
         curvature, slope = self._objective(pose, readings, there, free)
-        bounds = self._bounds(pose, readings)
         matrix = bounds.matrix @ free
         room = bounds.bound - (bounds.matrix @ there[..., None])[..., 0]
         return Programme(curvature=curvature, slope=slope, matrix=matrix, bound=room)
@@ -116,10 +119,6 @@ class Redundancy:
             return Bounds(np.zeros((len(readings), 0, len(self.drives))), np.zeros((len(readings), 0)), ())
         matrix, bound, names = zip(*parts, strict=True)
         return Bounds(np.stack(matrix, axis=1), np.stack(bound, axis=1), names)
-
-    def names(self, pose: StrainedPose, readings: Array) -> tuple[str, ...]:
-        """The bounds in words."""
-        return self._bounds(pose, readings).names
 
     def _travel(self, readings: Array) -> list[tuple[Array, Array, str]]:
         out = []

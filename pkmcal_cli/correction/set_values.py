@@ -150,9 +150,9 @@ class _Search:
         self.start: WarmStart  # states at the last poses that count
         self.away = np.full(len(rows), np.inf)  # how far the tool point was there from where it shall be
         self.length = np.full(len(rows), np.inf)  # of the whole step from there
-        self.beyond: dict[int, NDArray[np.bool_]] = {}  # bounds in the way of rows that cannot keep all
-        self.binding: dict[int, NDArray[np.bool_]] = {}  # bounds that hold rows
-        self.limits: dict[int, str] = {}  # the same in words, at the end
+        self.beyond: dict[int, list[str]] = {}  # bounds in the way of rows that cannot keep all
+        self.binding: dict[int, list[str]] = {}  # bounds that hold rows
+        self.limits: dict[int, str] = {}  # the same as reasons, at the end
 
     def run(self) -> None:
         """Search until no row moves; rows that do not end are `failed`.
@@ -174,7 +174,7 @@ class _Search:
         redundancy, drives = self.redundancy, self.redundancy.drives
         error = pose.tool - self.aim.targets
         away = np.nan_to_num(np.abs(error) / redundancy.tool.sizes, nan=np.inf).max(axis=1)
-        step, optimum = redundancy.step(pose, self.rows.readings, error)
+        step, optimum, names = redundancy.step(pose, self.rows.readings, error)
         length = np.abs(step / redundancy.spans).max(axis=1, initial=0.0)
         nearer = (away < _GROWN * self.away) | (away < _THERE) | (length < (1.0 - 0.25 * self.share) * self.length)
         good = pose.prediction.solved & nearer
@@ -193,9 +193,10 @@ class _Search:
         self.step[go], self.away[go], self.length[go] = self.share[go, None] * step[go], away[go], length[go]
         readings[np.ix_(go, drives)] += self.step[go]
         self.moving &= ~converged
-        exceeded = {k: optimum.binding[k] for k in np.nonzero((optimum.excess > _EXCEEDED) & good)[0].tolist()}
-        self.beyond = exceeded | {k: on for k, on in self.beyond.items() if not good[k]}
-        self.binding |= {k: optimum.binding[k] for k in here.tolist()}
+        binding = {k: binding_names(names, optimum.binding[k]) for k in here.tolist()}
+        exceeded = {k: some for k, some in binding.items() if optimum.excess[k] > _EXCEEDED}
+        self.beyond = exceeded | {k: some for k, some in self.beyond.items() if not good[k]}
+        self.binding |= binding
         self.rows = replace(self.rows, readings=readings)
 
     def _converged(self, pose: StrainedPose, error: Array, step: Array) -> NDArray[np.bool_]:
@@ -209,9 +210,8 @@ class _Search:
 
     def _end(self, pose: StrainedPose) -> None:
         """Why rows have no set values: no limits that are kept, or no end."""
-        names = self.redundancy.names(pose, self.rows.readings)
         for k in np.nonzero(self.moving)[0].tolist():
             self.failed[k] = _unsettled(pose, k)
-        held = {k: binding_names(names, on) for k, on in (self.binding | self.beyond).items()}
+        held = self.binding | self.beyond
         self.limits = {k: f"{_LIMITED}: {', '.join(some)}" for k, some in held.items() if some}
-        self.failed |= {k: self.limits[k] for k in self.beyond}
+        self.failed |= {k: self.limits.get(k, _unsettled(pose, k)) for k in self.beyond}

@@ -81,7 +81,14 @@ class Bearing:
         """Which ropes (n, R) without `t_min` have hardly a tension, where drives could give them one."""
         after = self._tensions[1]
         most = after.max(axis=1, initial=0.0, keepdims=True)
-        return np.asarray((after <= _HARDLY_TAUT * most) & np.isnan(self._stated) & self.redundant)
+        slack = (after <= _HARDLY_TAUT * most) | ~self._strained[:, None]
+        return np.asarray(slack & np.isnan(self._stated) & self.redundant)
+
+    @property
+    def _strained(self) -> NDArray[np.bool_]:
+        """At which targets (n,) tensions are more than rounding."""
+        made = self.result.correction
+        return np.asarray(made.after.energy[made.good] > _NO_ENERGY)
 
     # --- texts -----------------------------------------------------------------------------------
     def show(self, to: Reporter) -> None:
@@ -111,7 +118,8 @@ class Bearing:
             named = [(int(n), name) for n, name in zip(self._hardly_taut.sum(axis=0), self._names, strict=True) if n]
             names = ", ".join(f"{name} {n}" for n, name in named[:_LISTED])
             names += f" and {len(named) - _LISTED} more" if len(named) > _LISTED else ""
-            least = handy(float(f"{_PROPOSED * self._tensions[1].max():.1g}"), parse_unit("N"))
+            most = self._tensions[1][self._strained].max(initial=0.0)
+            least = handy(float(f"{_PROPOSED * most:.1g}"), parse_unit("N")) if most else "10 N"
             bounds = f"slack, or tension below {100 * _HARDLY_TAUT:g} % of the largest"
             remedy = f"state what they need in the machine file, e.g. `ropes: {{{named[0][1]}: {{t_min: {least}}}}}`"
             keeping = "`--redundant min-force` and `min-energy` keep it"

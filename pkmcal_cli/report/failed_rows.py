@@ -67,6 +67,14 @@ def skipped(by_reason: Mapping[str, int], total: int, noun: str = GRID_POINT) ->
     if sum(by_reason.values()) == total:
         reasons = "; ".join(f"{reason} ({n})" for reason, n in by_reason.items())
         message = f"none of {points} can be used: {reasons}"
-        hint = "check the limits of the grid and their units; a grid around the reference configuration has points"
-        raise BadInput([Fault("grid", message, Location("--grid") if noun == GRID_POINT else None, hint)])
+        raise BadInput([Fault("grid", message, Location("--grid") if noun == GRID_POINT else None, _remedy(by_reason))])
     return [f"skipped: {n} of {points}: {reason}" for reason, n in by_reason.items()]
+
+
+def _remedy(by_reason: Mapping[str, int]) -> str:
+    """What to do where no point of a grid can be used: of a grid that is all right, its limits are not the cause."""
+    if all(reason.startswith("no set values within all limits") for reason in by_reason):
+        return "limits leave no room at any point: raise `force_limit`, lower `t_min` or widen the travel"
+    if any(reason.startswith("no set values found: slack ropes") for reason in by_reason):
+        return "with `--redundant min-force` or `min-energy` no rope is slack; state `t_min` of the ropes"
+    return "check the limits of the grid and their units; a grid around the reference configuration has points"

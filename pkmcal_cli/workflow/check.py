@@ -34,7 +34,8 @@ _STIFFEN = (
     "stiffen this motion (a stiffness, a member, a joint or a drive that holds it), reduce the load or the force that "
     "drives it, or draw the pose that the machine falls to"
 )
-_TENSION = "set values that tension the ropes hold it, as `pkmcal correct` gives them; state `t_min` of the ropes"
+_TENSION = "set values that tension the ropes hold it, as `pkmcal correct` gives them"
+_UNSTATED = "; state `t_min` of the ropes"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -244,7 +245,8 @@ def unstable_faults(loaded: LoadedMachine) -> list[Fault]:
     path = path_of(loaded.machine, names[0].rpartition(" ")[2])
     if motion.slack:
         message += ", with ropes that are slack"
-    hint = _TENSION if motion.slack else _STIFFEN
+    tension = _TENSION if loaded.model.least_tensions else _TENSION + _UNSTATED
+    hint = tension if motion.slack else _STIFFEN
     return [loaded.machine.source.fault("unstable", message, path, hint, at_key=True, warning=motion.slack)]
 
 
