@@ -138,6 +138,15 @@ def test_the_remedy_of_a_grid_without_set_values_is_that_of_the_reason() -> None
     assert "help: with `--redundant min-force` or `min-energy` no rope is slack" in done.err
 
 
+def test_a_target_at_home_that_limits_refuse_is_in_no_other_unit() -> None:
+    """A factor to nearer home would always do; what is in the way is the limit."""
+    _, text = planar(50e3, 100.0)
+    Path("m.yaml").write_text(text.replace("zero: home", "zero: home, force_limit: 60"))
+    Path("t.csv").write_text("x [mm],y [mm]\n1000,760\n1200,800\n")
+    done = clean(run("correct", "m.yaml", "t.csv", "-o", "c.csv"))
+    assert done.code == 1 and "`force_limit` of `q3`" in done.err and "times as large" not in done.err
+
+
 def test_remedies_of_slack_ropes_do_not_come_from_rounding() -> None:
     """Without weight and `t_min` no rope has a tension at any target; who has stated `t_min` is not told to."""
     _, text = planar(50e3, 100.0)

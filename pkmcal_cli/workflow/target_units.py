@@ -19,6 +19,7 @@ from pkmcal_cli.units.unit_text import parse_unit
 
 _LENGTHS, _TRIED = ("m", "mm", "um", "in"), 50  # units that are mixed up; targets that are tried in them
 _CROWDED = 0.01  # sizes of the machine: targets that lie no wider apart
+_ABOUT = 0.1  # of the machine's size: a target that lies about the reference configuration
 _NEARER = 0.3  # of their distance from the reference configuration, at which they would lie in another unit
 
 
@@ -32,10 +33,16 @@ def in_another_unit(
 
 
 def _within_reach(machine: Machine, model: Model, values: Array, targets: Targets, choice: Choice) -> Iterator[str]:
-    """Where no target is within reach: by which factor between units the first of them would be."""
+    """Where no target is within reach: by which factor between units the first of them would be.
+
+    Not nearer to the reference configuration than a target that lies about it: that one fails by something else.
+    """
     scaled = _scaled(targets)
     few = np.arange(min(len(targets), _TRIED))
-    for factor in _factors(machine):
+    where = np.nonzero(np.array(scaled))[0]
+    away = np.abs(targets.poses[:, where] - model.tool.reference[where]).max(axis=1, initial=0.0)
+    about = bool((away < _ABOUT * model.length).any())
+    for factor in (f for f in _factors(machine) if f > 1.0 or not about):
         poses = targets.poses * np.where(scaled, factor, 1.0)
         made = corrected(model, values, Aim(poses=poses, held=targets.held, rows=targets.rows).take(few), choice)
         if made is not None and len(made.good):
