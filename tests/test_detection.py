@@ -16,7 +16,7 @@ from scipy.special import chdtrc, chdtri, chndtrinc, fdtri, ncfdtr, ndtr, ndtri
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.diagnosis.confirm import blocks
-from pkmcal_cli.diagnosis.detection import Detection, _reaching
+from pkmcal_cli.diagnosis.detection import Detection, _reaching, _smoothed
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear
 from pkmcal_cli.diagnosis.scale import Scale
@@ -249,3 +249,15 @@ def test_what_dimensions_take_up_has_no_smallest_size(tmp_path: Path) -> None:
     _, _, listed = done.err.partition("Effects that these data cannot show")
     told = [line for line in listed.splitlines() if "absorbed by" in line]
     assert told and all(line.split()[1] == "never" for line in told)
+
+
+def test_acceptance_by_counts_is_that_by_each_campaign() -> None:
+    """Weighed by the distance of every single one: a normal curve of 0.15 standard uncertainties, and never falling."""
+    rng = np.random.default_rng(2)
+    sizes = rng.uniform(0.0, 22.0, 20_000)
+    accepted = rng.uniform(size=len(sizes)) < 1.0 / (1.0 + np.exp(-3.0 * (sizes - 4.0)))
+    made = _smoothed(sizes, accepted)
+    weight = np.exp(-0.5 * ((made.sizes[:, None] - sizes) / 0.15) ** 2)
+    own = np.maximum.accumulate(weight @ accepted / weight.sum(axis=1))
+    assert made.chance == pytest.approx(own, abs=1e-3)
+    assert float(made.at(np.array(4.0))) == pytest.approx(0.5, abs=0.05)

@@ -10,19 +10,9 @@ import pytest
 
 from pkmcal_cli.base.rotation import Array
 from tests.command import run
+from tests.cross_slide import cross_slide
 
-SLIDE = """
-units: {length: mm, angle: deg}
-space: planar
-ranges: {length: 1, angle: 0.1, scale: 1 mm/m}
-parameters: {x0: 0, y0: 0, turn: 0, lead: {nominal: 1}, sq: {nominal: 0, unit: deg}}
-frames: {base: {at: [x0, y0], turn: turn}, head: {body: cross, turn: sq}}
-guides: {long: {frame: base, along: x}, short: {frame: head, along: y}}
-bodies: {cross: {guide: long, at: 0}, ram: {guide: short, at: 0, points: {tip: [0, 0]}}}
-actuators: {X: {moves: cross, scale: lead}, Y: {moves: ram}}
-sensors:
-  tracker: {at: tip, reads: [x, y], sigma: 5 um, frame: fitted}
-"""
+SLIDE = cross_slide("fitted")
 BAR = "  bar: {kind: distance, at: tip, to: O, sigma: 5 um}\nground: {O: [0, 0]}\n"
 STD = {"x0": 0.3, "y0": 0.2, "turn": 0.05, "lead": 2e-5, "sq": 5e-4}
 OWN = {"frame@tracker.tx": 0.003, "frame@tracker.ty": 0.002, "frame@tracker.rz": 3e-4}

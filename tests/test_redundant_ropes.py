@@ -9,6 +9,9 @@ import pytest
 from scipy.optimize import minimize
 
 from pkmcal_cli.correction.quadratic_programme import Programme, solve
+from pkmcal_cli.loading.load_machine import load_machine
+from pkmcal_cli.loading.pose_source import PoseSource
+from pkmcal_cli.report.console import Reporter
 from tests.command import clean, column, run
 from tests.redundant_ropes import Ropes, planar, spatial, suspended
 from tests.truth.pinned import Array
@@ -109,6 +112,16 @@ def test_drawn_where_the_ropes_hold_it() -> None:
     Path("loose.yaml").write_text(text.replace(", t_min: 100.0", ""))
     loose = clean(run("draw", "loose.yaml", "--json"))
     assert loose.code == 3 and "help: " in loose.err and "where these state `t_min`" in loose.err
+
+
+def test_some_poses_keep_the_targets_they_were_given() -> None:
+    _, text = planar(50e3, 100.0)
+    Path("m.yaml").write_text(text)
+    loaded = load_machine("m.yaml")
+    source = PoseSource(loaded=loaded, to=Reporter(quiet=True), path=None, grid="x=300:1700:3,y=200:1300:2")
+    some = source.together().take(np.array([4, 1]))
+    assert some.targets is not None
+    assert some.targets[:, :2] == pytest.approx(np.array([[1.7, 0.2], [0.3, 1.3]]), abs=1e-12)
 
 
 def test_a_table_of_poses_that_cannot_be_tensioned_is_refused_and_set_values_stay() -> None:

@@ -8,19 +8,9 @@ import numpy as np
 import pytest
 
 from tests.command import run
+from tests.cross_slide import cross_slide
 
-SLIDES = """
-units: {length: mm, angle: deg}
-space: planar
-ranges: {length: 1, angle: 0.1, scale: 1 mm/m}
-datum: [x0, y0, turn]
-parameters: {x0: 0, y0: 0, turn: 0, lead: {nominal: 1}, sq: {nominal: 0, unit: deg}}
-frames: {base: {at: [x0, y0], turn: turn}, head: {body: cross, turn: sq}}
-guides: {long: {frame: base, along: x}, short: {frame: head, along: y}}
-bodies: {cross: {guide: long, at: 0}, ram: {guide: short, at: 0, points: {tip: [0, 0]}}}
-actuators: {X: {moves: cross, scale: lead}, Y: {moves: ram}}
-sensors: {tracker: {at: tip, reads: [x, y], sigma: 5 um, frame: FRAME}}
-"""
+SLIDES = "datum: [x0, y0, turn]" + cross_slide("FRAME")
 """A cross slide that is squint, and lies within a millimetre."""
 
 

@@ -54,7 +54,7 @@ def spread(tool: LoadedTool, values: Array, aim: Aim, there: StrainedPose, rows:
     by = tool.at(values, rows, aim.targets, known.names, start)
     variances = [_carried(j, known.covariance) for j in (by.by_tool, by.by_force)]
     weak = _carried(by.by_tool, _hardly_determined(known)) / tool.sizes**2
-    whole, apart = variances[0] / tool.sizes**2, _apart(tool, aim, by.by_tool, known.covariance) - variances[0]
+    whole, common = variances[0] / tool.sizes**2, variances[0] - _apart(tool, aim, by.by_tool, known.covariance)
     for name, std in known.conditions.items():
         ends = [tool.at(values, _changed(rows, name, s * std), aim.targets, "", start) for s in (1.0, -1.0)]
         variances[0] += (0.5 * (ends[0].tool - ends[1].tool)) ** 2
@@ -66,7 +66,7 @@ def spread(tool: LoadedTool, values: Array, aim: Aim, there: StrainedPose, rows:
     variances[0] = variances[0] + np.where(tool.turning, known.unexplained[1], known.unexplained[0]) ** 2
     total = whole.sum(axis=1)
     share = np.divide(weak.sum(axis=1), total, out=np.zeros(len(total)), where=total > 0)
-    apart = np.sqrt(np.maximum(apart + variances[0], 0.0))
+    apart = np.sqrt(np.maximum(variances[0] - common, 0.0))
     return Spread(tool=np.sqrt(variances[0]), force=np.sqrt(variances[1]), weak=share, apart=apart)
 
 

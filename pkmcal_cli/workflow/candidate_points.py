@@ -38,8 +38,9 @@ def candidate_points(
     some = rng.choice(np.arange(len(problem)) if like is None else like, len(readings))
     columns = {name: column[some] for name, column in problem.rows.columns.items()}
     rows = Rows(readings, np.full(readings.shape, np.nan), columns)
-    if tensions_ropes(model) and len(poses) and len((made := tensioned(model, values, poses, rows)).kept):
-        poses, rows = poses[made.kept], made.rows
+    if tensions_ropes(model) and len(poses):
+        made = tensioned(model, values, poses, rows)
+        poses, rows = (poses[made.kept], made.rows) if len(made.kept) else (poses, rows)
     towards = approaches(model, values, rows, poses, rng)
     rows = replace(rows, columns={**rows.columns, **towards.columns(model)})
     touched = known_channels(model) & problem.measured.all(axis=0)  # probes that touch at every pose of the plan

@@ -50,8 +50,8 @@ def tensioned(model: Model, values: Array, poses: Array, rows: Rows) -> Tensione
         none = np.zeros(0, dtype=np.intp)
         return TensionedRows(kept=none, rows=rows.take(none), lost=dict.fromkeys(range(len(rows)), OUT_OF_REACH))
     kept = made.kept[made.good]
-    tensed = replace(rows.take(kept), readings=made.rows.readings[made.good])
-    return TensionedRows(kept=kept, rows=tensed, lost=made.failed)
+    good = replace(rows.take(kept), readings=made.rows.readings[made.good])
+    return TensionedRows(kept=kept, rows=good, lost=made.failed)
 
 
 def tensioned_poses(to: Listener, loaded: LoadedMachine, values: Array, poses: PoseSet) -> PoseSet:
@@ -71,8 +71,8 @@ def tensioned_poses(to: Listener, loaded: LoadedMachine, values: Array, poses: P
     made = tensioned(model, values, used.targets[posed], used.rows.take(posed))
     readings = used.rows.readings.copy()
     readings[posed[made.kept]] = made.rows.readings
-    tensed = poses.with_readings(readings).without_points({int(posed[k]): why for k, why in made.lost.items()})
-    if not len(tensed.kept):
-        tensed.failed.show(to)
+    left = poses.with_readings(readings).without_points({int(posed[k]): why for k, why in made.lost.items()})
+    if not len(left.kept):
+        left.failed.show(to)
     to.notes([f"{count(len(made.kept), 'pose')} {TENSIONED}"])
-    return tensed
+    return left
