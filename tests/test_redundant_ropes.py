@@ -92,7 +92,7 @@ def test_plans_and_analyses_take_the_set_values_that_tension_the_ropes() -> None
     loose = clean(run("observability", "loose.yaml", "--grid", "25", "--json"))
     assert all(std is not None for std in stated.values())
     assert {p["name"]: p["std"] for p in loose.json["parameters"]} != stated
-    assert "note: set values without strain: redundant drives tension ropes where these state `t_min`" in loose.err
+    assert "note: the set values strain nothing, so ropes may hang loose; state `t_min` of the ropes" in loose.err
     refused = clean(run("plan", "loose.yaml", "--grid", "25"))
     assert refused.code == 3 and "help: " in refused.err and "state `t_min` of the ropes" in refused.err
 
@@ -104,14 +104,14 @@ def test_drawn_where_the_ropes_hold_it() -> None:
     grid = ("--grid", "x=300:300:1,y=-200:-200:1,z=1000:1000:1")
     for place, more in ((true.home, ()), (np.array([0.3, -0.2, 1.0]), grid)):
         found = clean(run("draw", "m.yaml", *more, "--json"))
-        assert found.code == 0 and "at which ropes keep `t_min`" in found.err
+        assert found.code == 0 and "drawn with set values of least forces at which ropes keep `t_min`" in found.err
         assert [d["force"] for d in found.json["drives"]] == pytest.approx(true.least(100.0, place), rel=1e-4)
         (platform,) = (p for p in found.json["places"] if p["name"] == "platform")
         assert platform["believed"] == pytest.approx(place, abs=1e-9)
         assert np.abs(platform["displacement"]).max() < 1e-3  # um
     Path("loose.yaml").write_text(text.replace(", t_min: 100.0", ""))
     loose = clean(run("draw", "loose.yaml", "--json"))
-    assert loose.code == 3 and "help: " in loose.err and "where these state `t_min`" in loose.err
+    assert loose.code == 3 and "help: " in loose.err and "state `t_min` of the ropes" in loose.err
 
 
 def test_some_poses_keep_the_targets_they_were_given() -> None:

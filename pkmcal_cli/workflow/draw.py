@@ -138,7 +138,7 @@ def _tensioned(model: Model, values: Array, row: _Row) -> _Row:
     made = tensioned(model, values, row.target[None], row.rows.take(np.array([row.number])))
     readings = row.rows.readings.copy()
     readings[row.number] = made.rows.readings[0] if len(made.kept) else readings[row.number]
-    notes = (*row.notes, TENSIONED) if len(made.kept) else row.notes
+    notes = (*row.notes, f"drawn {TENSIONED}") if len(made.kept) else row.notes
     return replace(row, rows=replace(row.rows, readings=readings), believed=row.rows, notes=notes)
 
 

@@ -20,7 +20,7 @@ from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.workflow.pose_set import PoseSet
 
-UNTENSIONED = "set values without strain: redundant drives tension ropes where these state `t_min`"
+UNTENSIONED = "the set values strain nothing, so ropes may hang loose; state `t_min` of the ropes to tension them"
 TENSIONED = "with set values of least forces at which ropes keep `t_min`"
 
 
