@@ -12,6 +12,7 @@ import pytest
 from pkmcal_cli.calibration import step
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.calibration.patience import Patience
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.diagnosis import refits, search
@@ -52,7 +53,7 @@ def test_a_fit_that_is_far_off_and_finds_no_easy_step_is_given_up(
         return replace(end, residual=np.full_like(end.residual, np.nan))
 
     monkeypatch.setattr(step, "_moved", lost)
-    fit = identify(problem, select(problem.model, "auto"), hopeless=hopeless)
+    fit = identify(problem, select(problem.model, "auto"), patience=Patience(hopeless))
     assert (fit.status, fit.stopped) == ("not_converged", "no_descent")
     assert (len(tried) == 4) == given_up and len(tried) >= 4
 

@@ -244,7 +244,7 @@ def _evidence(
         freedom=groups.freedom,
         centre=np.where(identified, offsets, 0.0),
         kinds=tuple(p.kind or p.dimension for p in parameters),
-        estimated=identified & [p.name not in unranged for p in parameters],
+        estimated=identified & np.array([p.name not in unranged for p in parameters], dtype=bool),
     )
 
 

@@ -14,6 +14,8 @@ from pkmcal_cli.calibration.residual import Evaluation
 
 SIGNIFICANT = 0.01
 """Chance of a chi-square so large at which more is left than sigma explains."""
+ABANDONED = "abandoned"
+"""Why a fit stopped that was to end soon, and is far from any end."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,8 +40,13 @@ class Fit:
     last: Evaluation  # with derivatives and the drives' errors, as the fit ended
     failed: Mapping[int, str] = field(default_factory=dict)  # why rows that nothing predicts had no part in it
     kinked: tuple[int, ...] = ()  # rows in which a rope is between taut and slack, though used
-    stopped: str = "nothing"  # why it ended there: `step.advance`, "budget" of steps, "nothing" to identify
+    stopped: str = "nothing"  # why it ended there: `step.advance`, "budget" of steps, "nothing" to identify, ABANDONED
     flat: bool = False  # whether chi-square had hardly changed for some steps when the fit ended
+
+    @property
+    def abandoned(self) -> bool:
+        """Whether nothing was identified, as no fit soon explains readings that look wrong."""
+        return self.stopped == ABANDONED
 
     @property
     def usable(self) -> bool:

@@ -13,28 +13,28 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.condensed import condensed, evaluate_condensed
-from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.fit import ABANDONED, Fit
 from pkmcal_cli.calibration.identifiability import directions
-from pkmcal_cli.calibration.measured_pose import errors_at_poses, uncertain_drives
 from pkmcal_cli.calibration.misfit import residuals
+from pkmcal_cli.calibration.patience import Patience
+from pkmcal_cli.calibration.predictable import led, nearest, states_at
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import Evaluation, chi_square, evaluate, lost_rows, reasons
+from pkmcal_cli.calibration.residual import Evaluation, chi_square, evaluate, reasons
 from pkmcal_cli.calibration.step import Scaled, advance, creeps
 from pkmcal_cli.calibration.trust_region import Region
 from pkmcal_cli.prediction import WarmStart
 
-_HOPELESS = 0.5  # sizes of the machine by which drives disagree: no error of geometry is as large
-_LEAD = 30  # steps of a fit of those rows that can be predicted
 _SPOILT = 100.0  # times chi-square per degree of freedom by which rows out of reach at the start may spoil a fit
 _NEARLY = 1e4  # the same of a reading that a fit without it nearly explains: it may lie where that extrapolates far
 _LAST, _LITTLE = 4, 1e-3  # values of chi-square, and the share by which they may differ, at which it has settled
 NOTHING = "nothing_identifiable"
 _STATUS = {
     **dict.fromkeys(("gradient", "step", "rounding", "noise"), "converged"),
-    **dict.fromkeys(("no_descent", "budget"), "not_converged"),
+    **dict.fromkeys(("no_descent", "budget", ABANDONED), "not_converged"),
 }
 STEPS = 60  # that a fit may take
 _SWITCHED, _ROUNDED = 1e-3, 1e-10  # in sigma, and m or rad: by which a reading in another assembly differs at least
+_ENDLESS = Patience()
 _BIND = 1e-9  # a parameter this near to its bound, in ranges, is on it
 
 
@@ -54,7 +54,7 @@ def identify(
     progress: Callable[[int, float], None] | None = None,
     shift: Array | None = None,
     states: WarmStart | None = None,
-    hopeless: float = np.inf,
+    patience: Patience = _ENDLESS,
 ) -> Fit:
     """Identify the selected parameters, from nominal values or `start` (P,). Raises RowsFailed.
 
@@ -62,12 +62,12 @@ def identify(
     So are those that can be predicted only where nothing is explained any more. Rows that failed on the way come back
     where the fit ends near them.
     `shift`: drive errors (N, A) of an earlier fit, to begin with; `states`: of these rows, near those at the start;
-    `hopeless`: chi-square above which a fit is given up that needs much damping.
+    `patience`: when it is given up.
     """
-    fit = _identified(problem, selected, start, iterations, progress, shift=shift, states=states, hopeless=hopeless)
+    fit = _identified(problem, selected, start, iterations, progress, shift=shift, states=states, patience=patience)
     doubt = reasons(problem, fit.before) if fit.chi2_per_dof > _SPOILT else {}
     if doubt and not doubt.keys() <= fit.failed.keys():
-        fit = _unspoilt(problem, doubt, fit, start, iterations, progress)
+        fit = _unspoilt(problem, doubt, fit, start, iterations, progress, patience=patience)
     return _with_rows_back(problem, fit, iterations, progress) if fit.failed and fit.status == "converged" else fit
 
 
@@ -78,10 +78,11 @@ def _unspoilt(
     start: Array | None,
     iterations: int,
     progress: Callable[[int, float], None] | None,
+    patience: Patience,
 ) -> Fit:
     """The fit without rows in doubt, where these spoil it."""
     try:
-        without = _identified(problem.without(doubt), fit.selected, start, iterations, progress)
+        without = _identified(problem.without(doubt), fit.selected, start, iterations, progress, patience=patience)
     except RowsFailed:
         return fit
     spoilt = without.status == "converged" and fit.chi2_per_dof > _SPOILT * max(without.chi2_per_dof, 1.0)
@@ -90,8 +91,8 @@ def _unspoilt(
 
 def _with_rows_back(problem: Problem, fit: Fit, iterations: int, progress: Callable[[int, float], None] | None) -> Fit:
     """The fit with those rows that failed on the way, but are nearly explained where it ended, unless they spoil it."""
-    again = evaluate_condensed(problem, fit.values, fit.selected, fit.last.start.hopeless(_HOPELESS))
-    end = _nearest(problem, Scaled.of(problem, fit.selected), again)
+    again = evaluate_condensed(problem, fit.values, fit.selected, states_at(fit.last))
+    end = nearest(problem, Scaled.of(problem, fit.selected), again)
     noise = np.where(problem.measured, problem.sigma, 1.0)
     most = max(fit.chi2_per_dof, 1.0)
     far = ~((end.residual / noise) ** 2 <= _NEARLY * most)  # (N, C), and where there is no prediction
@@ -116,27 +117,30 @@ def _identified(
     progress: Callable[[int, float], None] | None,
     shift: Array | None = None,
     states: WarmStart | None = None,
-    hopeless: float = np.inf,
+    patience: Patience = _ENDLESS,
 ) -> Fit:
     """The fit of all rows that can be predicted where it leads. Raises RowsFailed."""
     first = evaluate_condensed(problem, problem.model.nominal if start is None else start, selected, states, shift)
     scale = Scaled.of(problem, selected)
     fixed = problem.count == 0 or not (selected or problem.reading_sigma.any())
-    lead = first if fixed or (shift is not None and first.solved) else _led(problem, scale, first, hopeless)
+    as_it_is = fixed or patience.short or (shift is not None and first.solved)
+    lead = first if as_it_is else led(problem, scale, first, patience.chi2)
     failed = reasons(problem, lead)
     kept, evaluation = _kept(problem, first, lead, failed)
     if fixed:
         return _finished(kept, selected, first, last=evaluation, status=NOTHING, count=0, failed=failed)
-    task = _Task(problem=problem, scale=scale, first=first, iterations=iterations, progress=progress, hopeless=hopeless)
+    task = _Task(problem=problem, scale=scale, first=first, iterations=iterations, progress=progress, patience=patience)
     near = problem.method == "exact"  # then only the end of the way is compared with other assemblies
     way = _descent(task, kept, evaluation, failed, compare=not near)
     ropes = near and bool(problem.model.exact.ropes)  # those that are slack at the start may hold a fit back
     if not way.holds or (ropes and chi_square(way.kept, way.end) > _SPOILT * way.kept.count):
         way = _descent(task, kept, evaluation, failed, compare=True)
-    stopped, steps, lost = way.stopped or "budget", len(way.chi2), way.failed
-    fit = _finished(way.kept, selected, first, last=way.end, status=_STATUS[stopped], count=steps, failed=lost)
+    stopped, steps, lost, end = way.stopped or "budget", len(way.chi2), way.failed, way.end
+    if stopped == ABANDONED:
+        selected, end = (), evaluate_condensed(way.kept, first.values, (), first.start)
+    fit = _finished(way.kept, selected, first, last=end, status=_STATUS[stopped], count=steps, failed=lost)
     stopped = "nothing" if fit.status == NOTHING else stopped
-    return replace(fit, stopped=stopped, flat=_flat([*way.chi2, fit.chi2]))
+    return replace(fit, stopped=stopped, flat=bool(selected) and _flat([*way.chi2, fit.chi2]))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,7 +152,7 @@ class _Task:
     first: Evaluation
     iterations: int
     progress: Callable[[int, float], None] | None
-    hopeless: float
+    patience: Patience
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,10 +179,17 @@ def _descent(task: _Task, kept: Problem, begin: Evaluation, failed: Mapping[int,
     while len(chi2) < task.iterations and not stopped:
         near = condensed(kept, end)
         chi2.append(near.chi2)
-        end, region, stopped = advance(kept, task.scale, end, near, region, hopeless=task.hopeless, compare=compare)
+        if task.patience.ends(near.chi2, len(chi2) - 1):
+            stopped = ABANDONED
+            break
+        end, region, stopped = advance(
+            kept, task.scale, end, near, region, hopeless=task.patience.chi2, compare=compare
+        )
         stopped = stopped or creeps(kept, task.scale, near, chi2)
         ended = stopped or (len(chi2) == task.iterations and not compare)
-        if ended and not (stopped == "no_descent" and near.chi2 > task.hopeless):
+        if stopped == "no_descent" and near.chi2 > task.patience.chi2:
+            stopped = ABANDONED if task.patience.short else stopped
+        elif ended:
             again = evaluate(kept, end.values, None, end.start, end.shift)
             holds = _holds(kept, again, end)
             if holds:
@@ -222,48 +233,6 @@ def _kept(
     return kept, replace(evaluation, shift=shift, residual=residuals(kept, evaluation.prediction.values))
 
 
-def _led(problem: Problem, scale: Scaled, first: Evaluation, hopeless: float) -> Evaluation:
-    """Where all rows can be predicted: the start, or where fits of the rows that can be lead to.
-
-    Where these do not lead to more and more rows, the evaluation that has fewest lost rows.
-    """
-    evaluation = _nearest(problem, scale, first)
-    while not evaluation.solved:
-        rows = np.nonzero(evaluation.prediction.solved)[0]
-        if not len(rows):
-            break
-        part = problem.take(rows)
-        lead = evaluate_condensed(part, evaluation.values, scale.names, shift=evaluation.shift[rows])
-        region, status = Region(), ""
-        for _ in range(_LEAD if lead.solved else 0):
-            lead, region, status = advance(part, scale, lead, condensed(part, lead), region, hopeless)
-            if status:
-                break
-        again = evaluate_condensed(problem, lead.values, scale.names, evaluation.start.hopeless(_HOPELESS))
-        further = _nearest(problem, scale, again)
-        if len(lost_rows(problem, further)) >= len(lost_rows(problem, evaluation)):
-            break
-        evaluation = further
-    return evaluation
-
-
-def _nearest(problem: Problem, scale: Scaled, plain: Evaluation) -> Evaluation:
-    """An evaluation without drive errors, or that with those which put the rows at their measured poses.
-
-    The one that predicts more rows, then the one of lower chi-square.
-    """
-    if not uncertain_drives(problem).any():
-        return plain
-    seen = np.where(problem.measured, problem.readings, np.nan)
-    shift = np.nan_to_num(errors_at_poses(problem, plain.values, seen))
-    if not shift.any():
-        return plain
-    posed = evaluate_condensed(problem, plain.values, scale.names, plain.start, shift)
-    if plain.solved and posed.solved:
-        return min(plain, posed, key=lambda e: chi_square(problem, e))
-    return posed if len(lost_rows(problem, posed)) < len(lost_rows(problem, plain)) else plain
-
-
 def _finished(
     problem: Problem,
     selected: tuple[str, ...],
@@ -279,7 +248,7 @@ def _finished(
     values = last.values[scale.index]
     on_bound = (values - scale.low < _BIND * scale.ranges) | (scale.high - values < _BIND * scale.ranges)
     spectrum = directions(near.jacobian, selected, scale.ranges, problem.unseen, scale.beside)
-    if not len(selected) or spectrum.held.all():
+    if status != _STATUS[ABANDONED] and (not len(selected) or spectrum.held.all()):
         status = NOTHING
     moved = int((~spectrum.held).sum()) - int(on_bound.sum())
     names = tuple(n for n, b in zip(selected, on_bound, strict=True) if b)

@@ -186,6 +186,8 @@ def _drawn(evidence: Evidence, begin: Array, seed: int) -> Scales:
 def _offsets(rng: np.random.Generator, evidence: Evidence, variance: Array, noise: Array) -> Array:
     """Offsets (M, q) given their variances (M, q) and those of the instruments (M, G)."""
     q, weights = len(evidence.centre), 1.0 / noise
+    if not q:
+        return variance
     pulled = weights @ (evidence.score + evidence.information @ evidence.centre)  # (M, q)
     out = rng.normal(size=variance.shape)
     together = max(int(_ENTRIES / q**2), 1)  # chains

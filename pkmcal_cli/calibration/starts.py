@@ -20,6 +20,7 @@ from pkmcal_cli.calibration.agreement import SAME, Agreement, agreement_of, apar
 from pkmcal_cli.calibration.estimated_ranges import centred
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import STEPS, RowsFailed, identify
+from pkmcal_cli.calibration.patience import Patience
 from pkmcal_cli.calibration.prior import Prior
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.steady_ropes import steady_fit
@@ -28,6 +29,8 @@ from pkmcal_cli.prediction import WarmStart
 
 ON_FAILURE = 8  # starts that are tried when the first one fails, or ends in a fit of chi-square above
 _STEPS = 25  # of further starts; those that end well take fewer than ten
+_STEPS_IN_DOUBT = 15  # of a first fit that never ends well if it does not soon ...
+_SOON = 5  # ... and that is near its end by then
 _HOPELESS = 1e6  # chi-square per degree of freedom: a thousand times noise, where damped steps lead nowhere soon
 _DOUBTFUL = 100.0  # per degree of freedom: ten times noise is a missing effect, or the wrong one of several minima
 
@@ -51,18 +54,20 @@ def identify_from(
     states: WarmStart | None = None,
     observe: Observer = unobserved,
     workers: Workers = ALONE,
-    steps: int = STEPS,
+    in_doubt: bool = False,
 ) -> tuple[Fit, Agreement | None]:
     """The best fit of `count` starts, the first one as given (P,), with `states` of the rows there.
 
     Raises RowsFailed where none can be predicted. With `count` 0 one start that fails, or explains nothing, is helped
-    by further ones, which `tell` announces. steps: that the first may take.
+    by further ones, which `tell` announces; in_doubt: see `calibrated`.
     """
     observe(Stage("fit"))
     first: Fit | None = None
     failure: RowsFailed | None = None
     try:
-        first = identify(problem, selected, start, steps, progress=partial(_fitted, observe), states=states)
+        steps, patience = _first(problem, in_doubt)
+        progress = partial(_fitted, observe)
+        first = identify(problem, selected, start, steps, progress=progress, states=states, patience=patience)
         first = _centred(problem, selected, start, first)
         first = _with_ropes(problem, selected, start, first)
     except RowsFailed as error:
@@ -79,6 +84,13 @@ def identify_from(
         assert failure is not None
         raise failure
     return best, agreement
+
+
+def _first(problem: Problem, in_doubt: bool) -> tuple[int, Patience]:
+    """Steps and patience of the first fit: readings that look wrong are not worth a long one."""
+    if in_doubt:
+        return _STEPS_IN_DOUBT, Patience(_HOPELESS * problem.count, _SOON)
+    return STEPS, Patience()
 
 
 def best_of_starts(
@@ -236,8 +248,8 @@ def _tried(problem: Problem, selected: tuple[str, ...], start: Array, values: Ar
 
 def _short_fit(problem: Problem, selected: tuple[str, ...], values: Array, progress: Progress) -> Fit:
     """A fit from values (P,), given up early where it is far off. Raises RowsFailed."""
-    hopeless = _HOPELESS * problem.count
-    return identify(problem, selected, values, iterations=_STEPS, progress=progress, hopeless=hopeless)
+    patience = Patience(_HOPELESS * problem.count)
+    return identify(problem, selected, values, iterations=_STEPS, progress=progress, patience=patience)
 
 
 def _centred(problem: Problem, selected: tuple[str, ...], start: Array, fit: Fit) -> Fit:

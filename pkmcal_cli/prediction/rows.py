@@ -149,6 +149,14 @@ class WarmStart:
         """The same where no row is known to be out of reach: those without a solution are looked for again."""
         return replace(self, misfit=np.where(self.status == RowStatus.SOLVED, self.misfit, 0.0))
 
+    def at_same_values(self) -> WarmStart:
+        """The same for predictions at the same values: rows without a solution are not looked for again."""
+        lost = self.status != RowStatus.SOLVED
+        if not lost.any():
+            return self
+        status = np.where(lost, RowStatus.OUT_OF_REACH, self.status)
+        return replace(self, status=status, misfit=np.where(lost, np.inf, self.misfit))
+
     def hopeless(self, misfit: float) -> WarmStart | None:
         """What is known of rows whose drives disagree by more, in sizes of the machine; nothing of the others.
 

@@ -40,7 +40,7 @@ from pkmcal_cli.report.parameters import (
     parameter_rows,
 )
 from pkmcal_cli.report.repeatability import show_replicates
-from pkmcal_cli.report.sentences import STOPPED
+from pkmcal_cli.report.sentences import ending_text
 from pkmcal_cli.report.uncertainty_remarks import (
     HELD,
     held_text,
@@ -142,6 +142,19 @@ class CalibrationReport:
         """Tables for people."""
         to.say(self.verdict())
         to.say()
+        if not self.fit.abandoned:
+            self._show_identified(to)
+        self._show_errors(to)
+        self.failed.show(to)
+        self.loads.show(to)
+        if self.fit.kinked:
+            rows = f"{len(self.fit.kinked)} of {count(self.n_rows, 'row')}"
+            to.warn(f"warning: in {rows} a rope is taut or slack (within 2 std): the intervals do not hold")
+        self.audit.show(to, named=len(self.odd.rows))
+        show_replicates(to, self.replicates)
+
+    def _show_identified(self, to: Reporter) -> None:
+        """Parameters, what of them the data do not determine, how far they are from nominal; then an empty line."""
         selected = [r for r in self.rows if r.name in self.fit.selected]
         self._show_parameters(to, selected)
         std = dict(zip(self.fit.selected, self.budget.std.tolist(), strict=True))
@@ -159,14 +172,6 @@ class CalibrationReport:
             hint = "check for a wrong unit, a missing effect or a local minimum (`--starts 10` tries other starts)"
             to.warn(f"warning: far from nominal (in ranges): {', '.join(far)}; {hint}")
         to.say()
-        self._show_errors(to)
-        self.failed.show(to)
-        self.loads.show(to)
-        if self.fit.kinked:
-            rows = f"{len(self.fit.kinked)} of {count(self.n_rows, 'row')}"
-            to.warn(f"warning: in {rows} a rope is taut or slack (within 2 std): the intervals do not hold")
-        self.audit.show(to, named=len(self.odd.rows))
-        show_replicates(to, self.replicates)
 
     def _show_parameters(self, to: Reporter, selected: list[ParameterRow]) -> None:
         """Parameters of the machine; apart from them where its instruments stand, for which no drawing has a value."""
@@ -264,21 +269,14 @@ class CalibrationReport:
 
     def verdict(self) -> str:
         """How the fit ended, in words; then the reasons, one in a line."""
-        steps, chi2 = count(self.fit.iterations, "step") + STOPPED[self.fit.stopped], self.fit.chi2_per_dof
-        lines = [
-            {
-                "converged": f"converged in {steps}",
-                "incomplete": f"INCOMPLETE, though converged in {steps}: residuals exceed the noise (next: `diagnose`)",
-                "implausible": f"IMPLAUSIBLE, though converged in {steps}: do not use these parameters",
-                "not_converged": f"NOT CONVERGED in {steps}: do not use these parameters",
-                "nothing_identifiable": "NOTHING IDENTIFIABLE: these data determine none of the selected parameters",
-            }[self.status]
-        ]
+        lines = [ending_text(self.status, self.fit.stopped, self.fit.iterations)]
+        if self.fit.abandoned:
+            return lines[0]
         several = len(self.budget.instruments) > 1
         lines += [f"because: {reason}" for reason in (*self.implausible, *(self.incomplete if several else ()))]
         if self.fit.dof > 0:
             freedom = count(self.fit.dof, "degree")
-            lines.append(f"chi-square per degree of freedom: {chi2:.3f} ({freedom} of freedom)")
+            lines.append(f"chi-square per degree of freedom: {self.fit.chi2_per_dof:.3f} ({freedom} of freedom)")
         if self.audit.loss == "squares":
             lines += residuals_text(self.fit, self.budget)
         else:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 
+from pkmcal_cli.base.plural import count
+from pkmcal_cli.calibration.fit import ABANDONED
 from pkmcal_cli.effects import Effect
 from pkmcal_cli.effects.effect import Entry
 from pkmcal_cli.model.effect_sites import ALL, EACH, place_and_session
@@ -95,7 +97,23 @@ def unknown_sentence(size: str, depends_on: str, hint: str, warm: bool, step: bo
     return f"{label}: depends on {depends_on}, matches no effect of the catalogue{detail}. {advice}"
 
 
-STOPPED = {
+def ending_text(status: str, stopped: str, steps: int) -> str:
+    """How a fit ended, and why."""
+    if stopped == ABANDONED:
+        return "NOT FITTED: readings look wrong, and no fit soon explains them; start values are kept\n" + (
+            "(correct the table as the warning says, or fit it as it is with `--accept`)"
+        )
+    in_steps = count(steps, "step") + _STOPPED[stopped]
+    return {
+        "converged": f"converged in {in_steps}",
+        "incomplete": f"INCOMPLETE, though converged in {in_steps}: residuals exceed the noise (next: `diagnose`)",
+        "implausible": f"IMPLAUSIBLE, though converged in {in_steps}: do not use these parameters",
+        "not_converged": f"NOT CONVERGED in {in_steps}: do not use these parameters",
+        "nothing_identifiable": "NOTHING IDENTIFIABLE: these data determine none of the selected parameters",
+    }[status]
+
+
+_STOPPED = {
     "gradient": " (stopped by gradient)",
     "step": " (stopped by step length)",
     "rounding": " (stopped by rounding)",
@@ -104,7 +122,6 @@ STOPPED = {
     "no_descent": " (no step lowers chi-square)",
     "nothing": "",
 }
-"""Why fits end, in words."""
 
 
 def no_cause(chance: float) -> str:

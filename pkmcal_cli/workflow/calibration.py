@@ -14,7 +14,7 @@ from pkmcal_cli.base.stages import Observer
 from pkmcal_cli.calibration.complete_fit import Calibration, FitOptions, calibrated
 from pkmcal_cli.calibration.datum import Datum, with_held
 from pkmcal_cli.calibration.frame_start import at_frames
-from pkmcal_cli.calibration.identify import STEPS, RowsFailed
+from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate
@@ -49,8 +49,6 @@ from pkmcal_cli.workflow.unsolved_rows import unsolved
 
 if TYPE_CHECKING:
     from pkmcal_cli.pictures.picture import Picture
-
-_STEPS_IN_DOUBT = 15  # of a fit that a hint has made implausible already
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -180,15 +178,16 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
     """Calibrate; `to`: who is told what there is to say of the files. Raises PkmcalError."""
     _say_of_files(s, to)
     states = evaluate(s.problem, s.start.values).start
-    sample = sample_at(s.loaded, s.problem, s.start.values, states)
-    hints = measurement_hints(s.loaded, s.problem, s.start.values, s.measured, states, sample)
+    known = states.at_same_values()
+    sample = sample_at(s.loaded, s.problem, s.start.values, known)
+    hints = measurement_hints(s.loaded, s.problem, s.start.values, s.measured, known, sample)
     if not hints and s.request.fit_options.loss == "squares":
         hints = rows_far_off(sample, s.measured)
     for hint in (*hints, *copied_rows(s.problem, s.measured)):
         to.warn(f"warning: {hint}")
     for text in outside_text(outside_knots(s.problem.model, s.problem.rows)):
         to.warn(text)
-    s = _determined(s, states, to)
+    s = _determined(s, known, to)
     options, row_origin = s.request.fit_options, partial(origin_of, s.measured)
     beyond = BeyondNoise() if hints else beyond_noise(s.problem, s.selected, s.start.values, states)
     odd = odd_readings(s.loaded, s.problem, beyond, row_origin)
@@ -196,12 +195,12 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
         hints = (*hints, *spoilt(odd, beyond, row_origin, to))
     else:
         s = replace(s, problem=without_readings(s.problem, odd, to))
-    if hints:  # no start mends a wrong column, and what does not converge soon never will
+    if hints:  # no start mends a wrong column
         options = replace(options, starts=options.starts or 1)
-    steps = _STEPS_IN_DOUBT if hints else STEPS
+    in_doubt = bool(hints) and not s.request.accept
     with to.stages() as observe:
-        robust_fit = _fit(s, states, options, to, observe, steps=steps, gross=beyond.rows)
-        del states  # of a long table they are large
+        robust_fit = _fit(s, states, options, to, observe, in_doubt=in_doubt, gross=beyond.rows)
+        del states, known  # of a long table they are large
         fit = robust_fit.robust.fit
         s = replace(s, problem=s.problem.without(fit.failed))
         if s.apart is None:
@@ -274,7 +273,7 @@ def _fit(
     to: Listener,
     observe: Observer,
     *,
-    steps: int,
+    in_doubt: bool,
     gross: tuple[int, ...],
 ) -> Calibration:
     try:
@@ -288,7 +287,7 @@ def _fit(
             states=states,
             tell=to.say,
             observe=observe,
-            steps=steps,
+            in_doubt=in_doubt,
             gross=gross,
         )
     except RowsFailed as failure:

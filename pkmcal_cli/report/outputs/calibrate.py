@@ -41,11 +41,12 @@ loads.disagreement.row text?: as above
 loads.slack.n_rows integer: number of rows with slack ropes
 loads.slack.ropes.ROPE integer: number of rows in which the rope is slack
 iterations integer: number of steps of the fit
-stopped gradient|step|rounding|noise|budget|no_descent|nothing: why the fit ended: no step lowers chi-square by
-    more than 1e-11 of it (`gradient`), or by more than rounding; steps long gained less than noise as what is held
+stopped gradient|step|rounding|noise|budget|no_descent|abandoned|nothing: why the fit ended: no step lowers chi-square
+    by more than 1e-11 of it (`gradient`), or by more than rounding; steps long gained less than noise as what is held
     turns on the way (`noise`); the next step is shorter than 1e-8 of the ranges (`step`); all
     steps that it may take are taken (`budget`); no step of any length lowers chi-square, as the prediction fails
-    (`no_descent`); nothing is to be identified (`nothing`)
+    (`no_descent`); no fit soon explains readings that look wrong, start values are kept (`abandoned`); nothing is to be
+    identified (`nothing`)
 parameters[].name text: a selected parameter
 parameters[].nominal number: nominal value in `unit`
 parameters[].value number?: identified value
