@@ -24,7 +24,7 @@ SMOOTHED = {"clearance": 0.7, "windup": 0.05}
 
 
 def not_drawn(machine: str) -> list[Planted]:
-    """What the benchmark does not draw: drifting zeros, those of one session, errors twice per period, shifted guides."""
+    """What the benchmark does not draw: drifting zeros, those of a session, errors twice a period, shifted guides."""
     drives, guides = PLANS[machine].drives, across(PLANS[machine])
     return [
         *(Planted("zero_drift", q, {"o1": 40e-6, "o2": -25e-6}) for q in drives),

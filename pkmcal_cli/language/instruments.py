@@ -119,8 +119,8 @@ class Actuator(Entity, Generic[V]):
     period: Sigma[V] | None = Field(
         default=None,
         description=(
-            "Lead of the screw, turn of a motor or wave generator, or period of the encoder, as travel; default: of a drum "
-            "one turn, else none"
+            "Lead of the screw, turn of a motor or wave generator, or period of the encoder, as travel; "
+            "default: of a drum one turn, else none"
         ),
     )
 
