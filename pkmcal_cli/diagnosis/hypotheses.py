@@ -225,7 +225,7 @@ def _hypothesis(placed: PlacedEffect, specs: Sequence[EffectParameter]) -> Hypot
     by_name = dict(zip(placed.parameters, specs, strict=True))
     orders = sorted({spec.order for spec in specs if not spec.free})
     some = [range(k + 1) for k in orders[:-1]]
-    if placed.effect.harmonics_of:
+    if placed.effect.harmonics:
         some += [range(k, k + 1) for k in orders[1:]]
     return Hypothesis(
         effect=placed.effect.keyword,

@@ -210,7 +210,7 @@ class Effect:
     nowhere: str = ""  # why it acts at none of its places, where that may be
     any_curve: bool = False  # over the travel, by definition: its formula is only the usual one
     proportional: bool = False  # to the travel: what bends it more than a little has another name
-    harmonics_of: str = ""  # "period", "turn": what its orders, 0 and 1, are once and twice in; each may be there alone
+    harmonics: bool = False  # its orders, 0 and 1, come once and twice per period, and each may be there alone
 
     @property
     def turns_units(self) -> bool:
@@ -222,12 +222,12 @@ class Effect:
         return tuple(p for p in self.parameters if not (planar and p.spatial))
 
     def repeats(self, names: Collection[str]) -> str:
-        """How often some of its numbers (`c2`, `pitch@q1.c2`) come: "once per turn"; "" of effects without a period."""
-        if not self.harmonics_of:
+        """How often some of its numbers (`pitch@q1.c2`) come: "twice per period"; "" of effects without harmonics."""
+        if not self.harmonics:
             return ""
         numbers = {name.rpartition(".")[2] for name in names}
         orders = sorted({p.order for p in self.parameters if p.name in numbers})
-        return f"{' and '.join(('once', 'twice')[k] for k in orders)} per {self.harmonics_of}"
+        return f"{' and '.join(('once', 'twice')[k] for k in orders)} per period"
 
     def displacement(self, at: Inputs, values: Mapping[str, Any]) -> NDArray[Any]:
         """Displacement (N, W) of the entry at values of parameters by name (SI, real or complex), null without."""

@@ -145,7 +145,7 @@ PITCH = Effect(
         ),
     ),
     common=False,
-    harmonics_of="period",
+    harmonics=True,
     cause=(
         "The drive train of {at} errs {repeats}: a screw, drum or encoder that runs out does so once, "
         "a misaligned coupling or a strain-wave gear twice."
@@ -173,9 +173,8 @@ GEAR = Effect(
     formula=_eccentric,
     where="rotary",
     common=False,
-    harmonics_of="turn",
-    cause="The rotary encoder or gear of {at} errs {repeats}: once if it is eccentric, twice if it is oval or tilted.",
-    result="The angle of {at} has an error that repeats {repeats}.",
+    cause="The rotary encoder or gear of {at} is eccentric.",
+    result="The angle of {at} has an error that repeats with every turn.",
     action="Centre the encoder of {at}, or average two reading heads.",
 )
 BUILDUP = Effect(
