@@ -77,6 +77,17 @@ def test_words_say_how_often(
     assert f"The drive train of X errs {words} per period: " in text
 
 
+@pytest.mark.parametrize("twice", [(1.1e-6, 0.0), (0.0, 1.3e-6)], ids=["cosine", "sine"])
+def test_its_interval_is_that_of_the_number_that_is_told(twice: tuple[float, float]) -> None:
+    """Near the limit of detection: as wide as this number is uncertain, whichever of the two it is."""
+    measured(NOT, twice)
+    (found,) = run("diagnose", "m.yaml", "t.csv", "--json").json["effects"]
+    told = max(found["parameters"], key=lambda p: abs(p["value"]) / p["std"])
+    size, std, chosen = abs(told["value"]), told["std"], found["selection"]
+    assert abs(size - 1e6 * max(twice)) < 3.5 * std < 1
+    assert 0.4 < (chosen["high"] - chosen["low"]) * size / (2 * 1.96 * std) < 2
+
+
 def test_set_values_and_tables_take_it_out() -> None:
     """Improved, identified, simulated and corrected: at the set values the screw by hand is at its targets."""
     measured(NOT, TWICE)
