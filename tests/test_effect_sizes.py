@@ -73,6 +73,9 @@ ON_THE_CRANK = {
     "gear@q: {c1: 300 urad}": tip(turned(np.cos, 300e-6, 1)),
     "gear@q: {s1: 300 urad}": tip(turned(np.sin, 300e-6, 1)),
     "gear@q: {c2: 200 urad, s2: -100 urad}": tip(turned(np.cos, 200e-6, 2) - turned(np.sin, 100e-6, 2)),
+    "pitch@q: {c: 150 urad, s2: -80 urad, period: 50 deg}": tip(
+        150e-6 * np.cos(7.2 * ANGLE) - 80e-6 * np.sin(14.4 * ANGLE)
+    ),
     "runout@tracker: {c: 40 um, s: 15 um}": tip(tool=rim(40e-6, 15e-6)),
     "thermal_tool@tracker: {gx: 7 um/K, gy: -3 um/K}": tip(tool=(7e-6 * RISE, -3e-6 * RISE)),
     "thermal_base@all: {a: 11 um/(m*K)}": tip(growth=11e-6 * RISE),

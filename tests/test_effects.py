@@ -102,7 +102,7 @@ def test_the_catalogue_says_what_it_is() -> None:
     for effect in catalogue().values():
         assert effect.enters in STAGES and effect.enters in WIDTHS
         for text in (effect.cause, effect.result, effect.action):
-            assert text.endswith(".") and text.format(at="q1", size="21(2) um")
+            assert text.endswith(".") and text.format(at="q1", size="21(2) um", repeats="once per period")
         for p in effect.parameters:
             assert p.range > 0 and parse_unit(p.unit) and (p.rotary is None or parse_unit(p.rotary))
         assert effect.source and len({p.name for p in effect.parameters}) == len(effect.parameters)

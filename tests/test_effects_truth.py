@@ -13,7 +13,7 @@ from pkmcal_cli.prediction import predict
 from tests.benchmark.setting import ready
 from tests.in_ci import in_ci
 from tests.truth.campaigns import MACHINES, Planted, Scenario, campaign, families, unit
-from tests.truth.families_true import across
+from tests.truth.families_true import PERIOD, across
 from tests.truth.shop_plans import PLANS
 
 EXACT = 2e-3  # of the effect: the simulator moves feet and turns carriages exactly, small angles and lengths here
@@ -24,11 +24,12 @@ SMOOTHED = {"clearance": 0.7, "windup": 0.05}
 
 
 def not_drawn(machine: str) -> list[Planted]:
-    """What the campaigns of the benchmark do not draw: drifting zeros, zeros of one session, guides off their place."""
+    """What the benchmark does not draw: drifting zeros, those of a session, errors twice a period, shifted guides."""
     drives, guides = PLANS[machine].drives, across(PLANS[machine])
     return [
         *(Planted("zero_drift", q, {"o1": 40e-6, "o2": -25e-6}) for q in drives),
         *(Planted("zero", f"{q}[s2]", {"o": 50e-6}) for q in drives),
+        *(Planted("pitch", q, {"c2": 6e-6, "s2": -9e-6, "period": PERIOD.get(machine, 0.01)}) for q in drives),
         *(Planted("straight", place, {"n0": 60e-6}) for place in guides),
     ]
 

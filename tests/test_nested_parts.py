@@ -17,6 +17,7 @@ from pkmcal_cli.loading.load_machine import load_machine
 from pkmcal_cli.report.improved_machine import null_lines
 from tests.benchmark.setting import ALPHA, FOLDER, Setting, diagnosed
 from tests.truth.campaigns import Planted, Scenario, campaign
+from tests.truth.families_true import PERIOD
 
 PLAIN = Scenario(extra=0.0)
 
@@ -47,9 +48,27 @@ def test_higher_numbers_alone_are_found_too() -> None:
     assert name == "pitch_curve@q2" and {"p2", "p3"} <= numbers < {"p2", "p3", "p4", "p5", "p6"}
 
 
+ONCE, TWICE = (("c", 5e-6), ("s", -4e-6)), (("c2", 3e-6), ("s2", 5e-6))
+
+
+@pytest.mark.parametrize("numbers", [ONCE, TWICE, ONCE + TWICE], ids=["once", "twice", "both"])
+def test_harmonics_are_told_each_by_itself_and_together(numbers: tuple[tuple[str, float], ...]) -> None:
+    """No harmonic comes before another: a strain-wave gear errs twice a turn and not once."""
+    told = found(("pitch", "q2", (*numbers, ("period", PERIOD["scissors"]))))
+    assert told == (("pitch@q2", frozenset(name for name, _ in numbers)),)
+
+
+def test_parts_of_harmonics_are_the_first_the_second_and_all() -> None:
+    (pitch,) = (h for h in Setting.of("scissors", 1).ready.candidates.hypotheses if h.name == "pitch@q1")
+    first, second, both = (tuple(n.rpartition(".")[2] for n in p.parameters) for p in pitch.nested_parts)
+    assert (first, second, both) == (("c", "s"), ("c2", "s2"), ("c", "s", "c2", "s2"))
+    once, _, whole = pitch.nested_parts
+    assert pitch.beyond(once).nested_parts == (whole,)
+
+
 def test_parts_are_nested_and_end_with_the_whole() -> None:
     hypotheses = Setting.of("scissors", 1).ready.candidates.hypotheses
-    for h in hypotheses:
+    for h in (h for h in hypotheses if h.effect != "pitch"):
         sizes = [len(p.parameters) for p in h.nested_parts]
         assert sizes == sorted(set(sizes)) and h.nested_parts[-1] == h
         assert all(set(a.parameters) < set(b.parameters) for a, b in zip(h.nested_parts, h.nested_parts[1:]))

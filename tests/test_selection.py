@@ -17,7 +17,7 @@ EFFECTS = overlay(
     """
     actuators: {q1: {period: 10 mm}}
     effects:
-      pitch@q1: {c: {value: 1 um, identify: false}, s: 2 um}
+      pitch@q1: {c: {value: 1 um, identify: false}, s: 2 um, c2: {identify: false}, s2: {identify: false}}
       frame@tracker: {tx: {value: 0, identify: false}, ty: 0, rz: 0}
     """,
 )
@@ -71,7 +71,7 @@ def test_sensitivity_lists_every_parameter(tmp_path: Path) -> None:
     machine = tmp_path / "m.yaml"
     machine.write_text(EFFECTS, encoding="utf-8")
     done = run("sensitivity", machine, "--json")
-    held = {"pitch@q1.c", "frame@tracker.tx"}
+    held = {"pitch@q1.c", "pitch@q1.c2", "pitch@q1.s2", "frame@tracker.tx"}
     assert {p["name"] for p in done.json["parameters"]} == DECLARED | HELD | FREE | held
 
 

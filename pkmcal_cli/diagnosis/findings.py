@@ -190,11 +190,13 @@ def _selected(
 
     `without`: scored without it, the effect first; `variance`: of the noise, in which no effect is.
     """
-    score, j = without.scores[0], without.scores[0].leading
+    score = without.scores[0]
+    shown = [n not in hypothesis.free for n in hypothesis.parameters] & np.isfinite(std) & (std > 0)
+    j = int(np.argmax(np.where(shown, np.abs(estimate) / np.where(shown, std, 1.0), 0.0)))  # the number that is told
     deviation = np.where(score.length2 > 0, estimate / without.linear.scale_of(hypothesis.parameters), 0.0)
     length = float(np.linalg.norm(deviation))
     size = float(np.sqrt(np.maximum(deviation @ score.whole @ deviation, 0.0) / variance))  # in std
-    if not score.count or not 0 < size <= LARGEST or not abs(estimate[j]) > 0 or not np.isfinite(std[j]):
+    if not score.count or not 0 < size <= LARGEST or not abs(estimate[j]) > 0 or not shown[j]:
         return None
     detection = Detection(without.linear, search.problem, [hypothesis], seed)
     acceptance = detection.acceptance(0, deviation / length, Procedure(search.critical, without.scale))

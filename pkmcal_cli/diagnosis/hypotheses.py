@@ -39,7 +39,7 @@ class Hypothesis:
 
     `KEYWORD@each`, `KEYWORD@each:GROUP`: at several places, with values of its own at each; in a session,
     `KEYWORD@each[SESSION]`, or in all of them, `KEYWORD@PLACE[each]`; `members`: what it consists of. `parts`: its
-    parameters up to each order but the highest, of which the best stands for it.
+    parameters up to each order but the highest, and of harmonics each by itself, of which the best stands for it.
     """
 
     effect: str
@@ -54,7 +54,7 @@ class Hypothesis:
 
     @cached_property
     def nested_parts(self) -> tuple[Hypothesis, ...]:
-        """It with fewer numbers, up to each order, and with all of them."""
+        """It with fewer numbers, up to each order or of one harmonic, and with all of them."""
         return (*(self._of(names) for names in self.parts), self.whole)
 
     @property
@@ -223,6 +223,10 @@ def _in_order(rows: Rows) -> tuple[str, ...]:
 
 def _hypothesis(placed: PlacedEffect, specs: Sequence[EffectParameter]) -> Hypothesis:
     by_name = dict(zip(placed.parameters, specs, strict=True))
+    orders = sorted({spec.order for spec in specs if not spec.free})
+    some = [range(k + 1) for k in orders[:-1]]
+    if placed.effect.harmonics:
+        some += [range(k, k + 1) for k in orders[1:]]
     return Hypothesis(
         effect=placed.effect.keyword,
         at=placed.at,
@@ -230,10 +234,7 @@ def _hypothesis(placed: PlacedEffect, specs: Sequence[EffectParameter]) -> Hypot
         measurement=placed.effect.measurement,
         free=tuple(n for n, spec in by_name.items() if spec.free),
         known=tuple((n, spec.known) for n, spec in by_name.items() if spec.known is not None),
-        parts=tuple(
-            tuple(n for n, spec in by_name.items() if spec.order <= order)
-            for order in sorted({spec.order for spec in specs if not spec.free})[:-1]
-        ),
+        parts=tuple(tuple(n for n, spec in by_name.items() if spec.order in part) for part in some),
     )
 
 

@@ -8,7 +8,7 @@ the parameters have their null value, 0.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import count, islice
 from typing import TYPE_CHECKING, Any, Literal, Protocol
@@ -185,7 +185,7 @@ DURING = Option(
 
 @dataclass(frozen=True, kw_only=True)
 class Effect:
-    """A named physical effect; texts may contain {at} and {size}."""
+    """A named physical effect; texts may contain {at}, {size} and {repeats}, how often its error comes in a period."""
 
     keyword: str
     title: str  # the field's standard term
@@ -210,6 +210,7 @@ class Effect:
     nowhere: str = ""  # why it acts at none of its places, where that may be
     any_curve: bool = False  # over the travel, by definition: its formula is only the usual one
     proportional: bool = False  # to the travel: what bends it more than a little has another name
+    harmonics: bool = False  # its orders, 0 and 1, come once and twice per period, and each may be there alone
 
     @property
     def turns_units(self) -> bool:
@@ -219,6 +220,14 @@ class Effect:
     def used(self, planar: bool) -> tuple[EffectParameter, ...]:
         """Parameters in a plane or in space."""
         return tuple(p for p in self.parameters if not (planar and p.spatial))
+
+    def repeats(self, names: Collection[str]) -> str:
+        """How often some of its numbers (`pitch@q1.c2`) come: "twice per period"; "" of effects without harmonics."""
+        if not self.harmonics:
+            return ""
+        numbers = {name.rpartition(".")[2] for name in names}
+        orders = sorted({p.order for p in self.parameters if p.name in numbers})
+        return f"{' and '.join(('once', 'twice')[k] for k in orders)} per period"
 
     def displacement(self, at: Inputs, values: Mapping[str, Any]) -> NDArray[Any]:
         """Displacement (N, W) of the entry at values of parameters by name (SI, real or complex), null without."""

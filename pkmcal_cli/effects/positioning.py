@@ -15,9 +15,10 @@ def _curve(at: Inputs, *sizes: Any) -> Any:
     return sum(size * shape for size, shape in zip(sizes, shapes, strict=True))
 
 
-def _wave(at: Inputs, c: Any, s: Any) -> Any:
+def _wave(at: Inputs, c: Any, s: Any, c2: Any, s2: Any) -> Any:
     phase = 2 * np.pi * at.travel / at.option("period")
-    return c * np.cos(phase) + s * np.sin(phase)
+    first = c * np.cos(phase) + s * np.sin(phase)
+    return first + c2 * np.cos(2 * phase) + s2 * np.sin(2 * phase)
 
 
 def _eccentric(at: Inputs, c1: Any, s1: Any, c2: Any, s2: Any) -> Any:
@@ -120,9 +121,18 @@ PITCH = Effect(
     symbol="",
     source="ISO 230-1 (periodic error of a screw or encoder)",
     enters="command",
-    parameters=(
-        EffectParameter(name="c", unit="um", range=40, text="cosine part", rotary="urad", turning=400),
-        EffectParameter(name="s", unit="um", range=40, text="sine part", rotary="urad", turning=400),
+    parameters=tuple(
+        EffectParameter(
+            name=f"{part}{n if n > 1 else ''}",
+            unit="um",
+            range=40,
+            text=f"{word} part{', twice per period' if n > 1 else ''}",
+            rotary="urad",
+            turning=400,
+            order=n - 1,
+        )
+        for n in (1, 2)
+        for part, word in (("c", "cosine"), ("s", "sine"))
     ),
     formula=_wave,
     options=(
@@ -135,8 +145,12 @@ PITCH = Effect(
         ),
     ),
     common=False,
-    cause="The screw, drum, coupling or encoder of {at} runs out once per period.",
-    result="The positioning error of {at} oscillates with the period.",
+    harmonics=True,
+    cause=(
+        "The drive train of {at} errs {repeats}: a screw, drum or encoder that runs out does so once, "
+        "a misaligned coupling or a strain-wave gear twice."
+    ),
+    result="The positioning error of {at} oscillates {repeats}.",
     action="Check the alignment of the end bearing, coupling and encoder of {at}; measure a short scan in fine steps.",
 )
 GEAR = Effect(

@@ -118,7 +118,10 @@ class Actuator(Entity, Generic[V]):
     sigma_is: SigmaIs = Field(default="stated", description=SIGMA_IS)
     period: Sigma[V] | None = Field(
         default=None,
-        description="Lead of the screw or period of the encoder, as travel; default: of a drum one turn, else none",
+        description=(
+            "Lead of the screw, turn of a motor or wave generator, or period of the encoder, as travel; "
+            "default: of a drum one turn, else none"
+        ),
     )
 
     @property

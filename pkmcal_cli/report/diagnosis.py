@@ -177,7 +177,8 @@ class DiagnosisReport(VisibilityReport):
         if hypothesis.effect == RELEASE:
             return "parameter held fixed"
         effect = catalogue()[hypothesis.effect]
-        return f"{effect.title}{f' ({effect.symbol})' if effect.symbol else ''}"
+        often = effect.repeats(hypothesis.parameters)
+        return effect.title + (f" ({effect.symbol})" if effect.symbol else "") + (f", {often}" if often else "")
 
     def sentence(self, finding: Finding) -> str:
         """Cause, effect and action; the alternatives where there are some."""
@@ -191,7 +192,7 @@ class DiagnosisReport(VisibilityReport):
             text = f"Parameter {h.at} is held fixed at {self.held_at(h.at)}, but the data indicate {size}. {gain}"
             text += f" Action: Identify it, `--select auto,{h.at}`."
         else:
-            cause, result, action = cause_effect_action(catalogue()[h.effect], h.at, size)
+            cause, result, action = cause_effect_action(catalogue()[h.effect], h.at, size, h.parameters)
             signs = (sign_text(self.model, *x) for x in zip(h.parameters, finding.estimate, finding.std, strict=True))
             cause = " ".join(filter(None, signs)) or cause
             text = f"{h.name}: Cause: {cause} Effect: {result} {gain} Action: {action}"

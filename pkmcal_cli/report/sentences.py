@@ -30,13 +30,17 @@ _NOUNS: dict[Entry, str] = {
 }
 
 
-def cause_effect_action(effect: Effect, at: str, size: str) -> tuple[str, str, str]:
-    """The effect's three sentences; at `all` places, or `each`, they speak of every drive, member, guide ..."""
+def cause_effect_action(effect: Effect, at: str, size: str, numbers: Sequence[str] = ()) -> tuple[str, str, str]:
+    """The effect's three sentences; at `all` places, or `each`, they speak of every drive, member, guide ...
+
+    numbers: names of its parameters that were found.
+    """
     place, session = place_and_session(at) if effect.by_session else (at, "")
     place = ALL if place == EACH else place.removeprefix(f"{EACH}:")
     within = " in every session" if session == EACH else f" in session {session}" if session else ""
+    often = effect.repeats(numbers)
     cause, result, action = (
-        _placed(text, effect.enters, place, within).format(at=place + within, size=size)
+        _placed(text, effect.enters, place, within).format(at=place + within, size=size, repeats=often)
         for text in (effect.cause, effect.result, effect.action)
     )
     return cause, result, action

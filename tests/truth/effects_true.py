@@ -49,11 +49,13 @@ def pitch_curve(p: Planted, c: Context, shift: Shift) -> Shift:
 
 
 def pitch(p: Planted, c: Context, shift: Shift) -> Shift:
-    """c, s in m: cosine and sine of the set value with `period` in m, and a second harmonic of 20 %."""
+    """c, s in m: cosine and sine of the set value with `period` in m, and a second harmonic of 20 %; c2, s2: the same
+    of half of the period, alone."""
     a = c.drive(p.at)
     turn = 2 * np.pi * c.conditions.q[:, a] / p.get("period")
     second = p.get("c") * np.cos(2 * turn + 0.7) + p.get("s") * np.sin(2 * turn + 0.7)
-    return shift.with_drive(a, p.get("c") * np.cos(turn) + p.get("s") * np.sin(turn) + 0.2 * c.extra * second)
+    twice = p.get("c2") * np.cos(2 * turn) + p.get("s2") * np.sin(2 * turn) + 0.2 * c.extra * second
+    return shift.with_drive(a, p.get("c") * np.cos(turn) + p.get("s") * np.sin(turn) + twice)
 
 
 def backlash(p: Planted, c: Context, shift: Shift) -> Shift:

@@ -24,7 +24,7 @@ effects[].parameters[].text text:
 effects[].needs[] text: required columns
 effects[].at?[] text: places on the machine; null without a machine
 effects[].measurement flag: whether it is an error of the measurement, not of the machine
-effects[].cause text:
+effects[].cause text: `{at}` stands for the place, `{size}` for the size, `{repeats}` for how often it comes per period
 effects[].result text:
 effects[].action text:
 ---
