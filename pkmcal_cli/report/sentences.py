@@ -10,7 +10,7 @@ from pkmcal_cli.effects.effect import Entry
 from pkmcal_cli.model.effect_sites import ALL, EACH, place_and_session
 
 STANDS_ANYWHERE = (
-    "Errors are those of positions to each other: the instrument stands anywhere (`frame: fitted`), so where the "
+    "Errors are those of poses to each other: the instrument stands anywhere (`frame: fitted`), so where the "
     "machine as a whole is cannot be judged."
 )
 
