@@ -82,6 +82,9 @@ _MOVED = (
 )
 
 
+_ALONG = re.compile(r"oscillation along (\w+),")
+
+
 def unknown_sentence(size: str, depends_on: str, hint: str, warm: bool, step: bool = False) -> str:
     """Something that no effect explains; `warm`: temperatures were logged; `step`: all readings shift at some time."""
     advice = _MOVED if step else {
@@ -90,6 +93,12 @@ def unknown_sentence(size: str, depends_on: str, hint: str, warm: bool, step: bo
         "direction": "Measure every pose from both sides.",
         "load": "Measure with several payloads.",
     }.get(depends_on, "Do not compensate outside the measured region.")
+    if (found := _ALONG.match(hint)) is not None:
+        drive = found[1]
+        advice = (
+            f"If the screw, gear or encoder of {drive} comes round as often, state its `period` in the machine file "
+            f"(`actuators: {{{drive}: {{period: ...}}}}`): then it is tested by name. {advice}"
+        )
     label = f"Unknown effect of {size.strip()}" if size else "Unknown effect"
     detail = f" ({hint})" if hint else ""
     return f"{label}: depends on {depends_on}, matches no effect of the catalogue{detail}. {advice}"
