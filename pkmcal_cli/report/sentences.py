@@ -93,8 +93,8 @@ def unknown_sentence(size: str, depends_on: str, hint: str, warm: bool, step: bo
         "direction": "Measure every pose from both sides.",
         "load": "Measure with several payloads.",
     }.get(depends_on, "Do not compensate outside the measured region.")
-    if (found := _ALONG.match(hint)) is not None:
-        drive = found[1]
+    if (named := _ALONG.match(hint)) is not None:
+        drive = named[1]
         advice = (
             f"If the screw, gear or encoder of {drive} comes round as often, state its `period` in the machine file "
             f"(`actuators: {{{drive}: {{period: ...}}}}`): then it is tested by name. {advice}"
