@@ -97,6 +97,15 @@ def test_a_smooth_drift_is_no_step_and_told_alone_too(tmp_path: Path) -> None:
     assert done.json["effects"] == []
 
 
+@pytest.mark.parametrize("size", [0.03, 0.05])
+def test_a_small_drift_that_settles_is_no_step(tmp_path: Path, size: float) -> None:
+    """By 26 and 44 um, of 10 um of noise: a curve has so many numbers that a step, of one, had more evidence."""
+    table = written(tmp_path / "t.csv", moved((), lambda u: size * (1 - np.exp(-2.1 * u))))
+    done = clean(run_once("diagnose", TRIGLIDE, table, "--json"))
+    assert [(u["depends_on"], u["hint"]) for u in done.json["unknown"]] == [("time", "smooth drift")]
+    assert "Something was moved" not in done.err
+
+
 # --- the order of the rows -----------------------------------------------------------------
 def test_directions_of_approach_follow_time() -> None:
     """Whatever the order in which rows stand: those of the same rows in the order of time, of each session."""

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.base.rotation import Array, log
+from pkmcal_cli.compiler import axes
 from pkmcal_cli.prediction import Request
 from tests.in_ci import in_ci
 from tests.measured import jacobian_check, strained_values
@@ -240,3 +241,35 @@ def test_derivatives_in_closed_loops(space: str, strained: bool) -> None:
     assert found.deviation < 1e-6, found.worst
     assert found.null == () and found.columns == len(machine.names) + len(machine.actuators)
     assert {f"t{k + 1}" for k in range(count)} <= set(machine.names)
+
+
+TILTED_HINGE = (
+    HEAD
+    + """
+space: spatial
+parameters: {ex: 0, ey: 0}
+ground: {O: [0, 0, 0]}
+bodies: {arm: {at: [0, 0, 0], points: {P: [200, 0, 50]}}}
+joints: {hinge: {between: [O, arm], type: revolute, axis: [ex, ey, 1]}}
+actuators: {q: {turns: arm}}
+sensors: {tracker: {at: P, reads: [x, y, z], sigma: 10 um, frame: machine}}
+"""
+)
+
+
+def test_the_turn_of_an_axis_is_computed_once_for_all_that_it_carries(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both sides of a hinge need all its numbers in their own axes: the turn was computed 36 times."""
+    asked = list[Array]()
+
+    def counted(rotation: Array) -> Array:
+        asked.append(rotation)
+        return log(rotation)
+
+    monkeypatch.setattr(axes, "log", counted)
+    made = model(TILTED_HINGE)
+    asked.clear()
+    values = {n: 1e-3 * (k + 1) for k, n in enumerate(made.names)}
+    made.topology.coefficients.values(values)
+    assert len(asked) == 2
+    made.topology.coefficients.jacobian(values, made.names)
+    assert len(asked) == 2 + 2 * len(made.names)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from pkmcal_cli.prediction import Request
+from pkmcal_cli.prediction import Request, Rows, predict
 from tests.support import SHIPPED, at, compiled, errors_of, model, overlay, poses_of, truth
 
 # unknowns with all drives released, freedom, drives, self-stress that no drive causes; by hand:
@@ -83,6 +83,17 @@ def test_closed_loop_in_which_nothing_yields() -> None:
     found = compiled(overlay("triglide", yielding)).mobility
     assert found.rigid_loops == ()
     assert found.redundancy == 1
+
+
+def test_rigid_redundant_machines_may_have_effects_and_instruments_that_stand_anywhere() -> None:
+    """They are compiled a second time, without loads: with places of effects that ended in an internal error."""
+    plain = compiled(overlay("triglide", RIGID_RODS)).model
+    seen = predict(plain, plain.nominal, Rows.at(plain.reference_readings[None])).values
+    for more in ("sensors: {tracker: {frame: fitted}}\n", "effects: {backlash@q1: {b: 0 um}}\n"):
+        made = compiled(overlay("triglide", RIGID_RODS + more))
+        assert made.shared_by == ("rod1", "rod2", "rod3")
+        rows = Rows.at(made.model.reference_readings[None])
+        assert predict(made.model, made.model.nominal, rows).values == pytest.approx(seen, abs=1e-12)
 
 
 def test_drives_of_a_rigid_machine_share_their_misfit() -> None:

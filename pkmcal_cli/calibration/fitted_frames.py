@@ -42,9 +42,11 @@ def of_unplaced(problem: Problem, values: Array) -> NDArray[np.bool_]:
 
 
 def stands_anywhere(problem: Problem) -> bool:
-    """Whether no instrument that measured positions is aligned to the machine."""
+    """Whether no instrument that measured positions is aligned to the machine; without positions, orientations."""
     model, measured = problem.model, np.asarray(problem.measured.any(axis=0))  # (C,)
-    reading = {s.name for s in model.sensors if any(measured[k] for k, _ in s.places)}
+    placed = {s.name for s in model.sensors if any(measured[k] for k, _ in s.places)}
+    turned = {s.name for s in model.sensors if any(measured[k] for k, _ in s.rotates)}
+    reading = placed or turned
     return bool(reading) and reading <= model.fitted_frames
 
 

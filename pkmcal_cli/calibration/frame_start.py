@@ -1,17 +1,18 @@
 """Where instruments of unknown pose stand, roughly: the rigid motion from nominal to measured positions.
 
 Kabsch 1976: the best rotation between two sets of points, by a singular value decomposition. Where coordinates are
-missing, Gauss-Newton's method from the motions that turn axes onto axes.
+missing, Gauss-Newton's method from the motions that turn axes onto axes. Where places tell no rotation (there are none,
+or the point hardly moves, as in the middle of an orienting machine), orientations do.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from itertools import permutations, product
 
 import numpy as np
 
-from pkmcal_cli.base.rotation import Array, best_motion, exp, log, skew
+from pkmcal_cli.base.rotation import Array, best_motion, best_rotation, exp, log, skew
 from pkmcal_cli.calibration.fitted_frames import fitted_frames, frame_motion
 from pkmcal_cli.model.effect_sites import PlacedEffect
 from pkmcal_cli.model.model import Model
@@ -21,6 +22,7 @@ from pkmcal_cli.prediction import Rows, predict
 _FEWEST = 3  # points that fix a pose
 _SPARE = 2  # readings more than a pose has freedoms, where some coordinates are missing
 _STEPS = 30  # of Gauss-Newton's method, which takes some ten
+_STILL = 1e-6  # sizes of the machine: points that move less tell no rotation
 _MOVED = 1e-2  # sizes of the machine, or rad: by which an instrument was moved, and no error of geometry moves it
 
 
@@ -47,9 +49,11 @@ def with_frames(model: Model, rows: Rows, readings: Array) -> Model:
 def _pose(model: Model, effect: PlacedEffect, predicted: Array, readings: Array) -> dict[str, float]:
     """Values of the frame's parameters by name; none where too little was measured."""
     axes = 2 if model.topology.planar else 3
-    pairs = [_places(sensor, axes, predicted, readings) for sensor in model.sensors if sensor.name == effect.at]
+    sensors = [sensor for sensor in model.sensors if sensor.name == effect.at]
+    pairs = [_places(sensor, axes, predicted, readings) for sensor in sensors]
     here, there = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
-    motion = _motion_of(here, there)
+    motion = _motion_of(here, there) if _spread(here) > _STILL * model.length else None
+    motion = motion or _motion_by_orientations(sensors, predicted, readings, here, there)
     if motion is None:
         return {}
     rotation, shift = motion
@@ -70,6 +74,45 @@ def _places(sensor: PlacedSensor, axes: int, predicted: Array, readings: Array) 
         return np.zeros((0, axes)), np.zeros((0, axes))
     known = np.isfinite(readings[:, channels]).any(axis=1) & np.isfinite(predicted[:, channels]).all(axis=1)
     return predicted[known][:, channels], readings[known][:, channels]
+
+
+def _spread(here: Array) -> float:
+    """How far points (n, d) lie beside the line, or in the plane the point, about which they tell no rotation, m."""
+    if len(here) < 2:
+        return 0.0
+    sizes = np.linalg.svd(here - here.mean(axis=0), compute_uv=False)
+    return float(sizes[here.shape[1] - 2] / np.sqrt(len(here)))
+
+
+def _motion_by_orientations(
+    sensors: Sequence[PlacedSensor], predicted: Array, readings: Array, here: Array, there: Array
+) -> tuple[Array, Array] | None:
+    """Rotation (d, d) that brings predicted orientations closest to measured ones, and shift (d,) of their middle.
+
+    None where no orientation was measured whole.
+    """
+    axes = here.shape[1]
+    pairs = [_orientations(sensor, axes, predicted, readings) for sensor in sensors]
+    turned, seen = (np.concatenate(parts)[:, :axes, :axes] for parts in zip(*pairs, strict=True))
+    if not len(turned):
+        return None
+    columns = turned.transpose(0, 2, 1).reshape(-1, axes), seen.transpose(0, 2, 1).reshape(-1, axes)
+    rotation = best_rotation(*columns)
+    left = there - here @ rotation.T
+    known = np.isfinite(left).any(axis=0)
+    return rotation, np.array([np.nanmean(left[:, k]) if known[k] else 0.0 for k in range(axes)])
+
+
+def _orientations(sensor: PlacedSensor, axes: int, predicted: Array, readings: Array) -> tuple[Array, Array]:
+    """Rotation matrices (n, 3, 3) that are predicted of a body and that were measured, of rows that read all angles."""
+    pairs = sorted(sensor.rotates, key=lambda pair: pair[1])
+    if len(pairs) < axes * (axes - 1) // 2:
+        return np.zeros((0, 3, 3)), np.zeros((0, 3, 3))
+    channels = [channel for channel, _ in pairs]
+    known = np.isfinite(readings[:, channels]).all(axis=1) & np.isfinite(predicted[:, channels]).all(axis=1)
+    padding = (0, 0), (3 - len(channels), 0)
+    here, there = (exp(np.pad(values[known][:, channels], padding)) for values in (predicted, readings))
+    return here, there
 
 
 def _motion_of(here: Array, there: Array) -> tuple[Array, Array] | None:

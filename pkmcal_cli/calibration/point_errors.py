@@ -18,7 +18,10 @@ K = 2.0
 
 @dataclass(frozen=True)
 class PointErrors:
-    """Position errors (n,) of points in rows (n,) and their expanded uncertainties U (n,) by the instrument, m."""
+    """Errors (n,) of points in rows (n,) and their expanded uncertainties U (n,) by the instrument, SI.
+
+    Of positions, of lengths or of orientations.
+    """
 
     rows: NDArray[np.intp]
     errors: Array
@@ -42,7 +45,14 @@ def point_errors(
     U is twice the standard uncertainty of the instrument along the error (its largest where there is none); besides
     (N, C): standard uncertainties of readings for another reason.
     """
-    return _errors(problem, errors, on, besides, _by_point(problem))
+    return _errors(problem, errors, on, besides, _by_point(problem, Measurand.POSITION))
+
+
+def orientation_errors(
+    problem: Problem, errors: Array, on: NDArray[np.bool_], besides: Array | None = None
+) -> PointErrors:
+    """The same of orientations: the rotations, rad, from predicted to measured, about the axes measured."""
+    return _errors(problem, errors, on, besides, _by_point(problem, Measurand.ORIENTATION))
 
 
 def length_errors(
@@ -73,17 +83,17 @@ def _errors(
 def partly_measured(problem: Problem, rows: NDArray[np.intp]) -> int:
     """How many points in these rows lack a coordinate that is measured of the same point in other rows."""
     count = 0
-    for columns in _by_point(problem):
+    for columns in _by_point(problem, Measurand.POSITION):
         there = problem.measured[:, columns]
         there = there[:, there.any(axis=0)][np.unique(rows)]  # (points, coordinates that are measured at all)
         count += int(np.count_nonzero(there.any(axis=1) & ~there.all(axis=1)))
     return count
 
 
-def _by_point(problem: Problem) -> list[list[int]]:
-    """Channels of each measured point."""
+def _by_point(problem: Problem, measurand: Measurand) -> list[list[int]]:
+    """Channels of each measured point, or body whose orientation was measured."""
     by_point: dict[int, list[int]] = {}
-    for k in problem.model.measuring(Measurand.POSITION):
+    for k in problem.model.measuring(measurand):
         by_point.setdefault(problem.model.channels[k].index, []).append(k)
     return list(by_point.values())
 
@@ -97,20 +107,25 @@ def joined(parts: Sequence[PointErrors]) -> PointErrors:
 
 @dataclass(frozen=True)
 class Judged:
-    """Points by a tolerance, m: one passes where |e| + U is within it, fails where |e| - U is not (ISO 14253-1).
+    """Points by a tolerance, SI: one passes where |e| + U is within it, fails where |e| - U is not (ISO 14253-1).
 
-    unpredicted: number of rows that nothing predicts, so nobody can tell; lengths: these are lengths, not points.
+    unpredicted: number of rows that nothing predicts, so nobody can tell; measurand: positions, lengths, orientations.
     """
 
     points: PointErrors
     tolerance: float
     unpredicted: int = 0
-    lengths: bool = False
+    measurand: Measurand = Measurand.POSITION
 
     @property
     def noun(self) -> str:
         """What is judged, in a word."""
-        return "length" if self.lengths else "point"
+        return "point" if self.measurand is Measurand.POSITION else self.error
+
+    @property
+    def error(self) -> str:
+        """Of what its errors are."""
+        return "length" if self.measurand is Measurand.DISTANCE else self.measurand.label
 
     @property
     def passed(self) -> NDArray[np.bool_]:

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from pkmcal_cli.base.errors import BadInput
-from pkmcal_cli.base.rotation import Array, best_motion
+from pkmcal_cli.base.rotation import Array, best_motion, best_rotation, exp, log
 from pkmcal_cli.base.stages import Observer, unobserved
 from pkmcal_cli.calibration.complete_fit import FitOptions, calibrated
 from pkmcal_cli.calibration.condensed import condensed, evaluate_condensed
@@ -37,8 +37,8 @@ _ROUNDS = 40  # of points that are drawn; a region of which a machine reaches a 
 _NEVER = 1e-9  # chance of residuals that no noise leaves
 
 Outcome = list[float] | None
-"""Of one machine: errors of its parameters (p,), SI, and mean distance of the tool point at other points, m; None where
-the calibration has failed, or leaves more than noise."""
+"""Of one machine: errors of its parameters (p,), SI, and mean error of the tool point at other points, m, or where it
+only turns, rad; None where the calibration has failed, or leaves more than noise."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,6 +119,11 @@ class Study:
     validation: int
     seed: int
 
+    @property
+    def turns(self) -> bool:
+        """Whether the error of the tool point is an angle: that of machines whose tool point only turns."""
+        return all(m.model.tool_motion.only_turns for m in self.machines)
+
     def __call__(self, number: int, observe: Observer = unobserved) -> list[Outcome]:
         """Of every machine."""
         count = self.counts[number % len(self.counts)]
@@ -130,7 +135,7 @@ class Study:
         drawn = dict(zip(names, errors.normal(size=len(names)), strict=True))
         most = max(len(m.model.channels) + len(m.model.actuators) for m in self.machines)
         normal = noise.normal(size=(count, 2 * most))
-        return [_once(m, q, drawn, normal) for m, q in zip(self.machines, readings, strict=True)]
+        return [_once(m, q, drawn, normal, self.turns) for m, q in zip(self.machines, readings, strict=True)]
 
     def fits(self, result: Any) -> bool:
         """Whether this could be what a repetition returns."""
@@ -147,7 +152,9 @@ def _are_errors(errors: Any, size: int) -> bool:
     return isinstance(errors, list) and len(errors) == size and all(type(e) is float and isfinite(e) for e in errors)
 
 
-def _once(machine: StudiedMachine, readings: Array, drawn: dict[str, float], normal: Array) -> Outcome:
+def _once(
+    machine: StudiedMachine, readings: Array, drawn: dict[str, float], normal: Array, turns: bool
+) -> Outcome:
     """One calibration by the first points, as many as there is noise for, judged at the others."""
     true, count = machine.true_values(drawn), len(normal)
     problem = _placed(_measured(machine.problem(readings[:count]), true, normal), machine.selected)
@@ -156,7 +163,8 @@ def _once(machine: StudiedMachine, readings: Array, drawn: dict[str, float], nor
         fit = _fitted(problem, machine.selected, more)
     except (RowsFailed, np.linalg.LinAlgError):
         return None
-    off = _tool_distance(machine.model, true, fit.values, readings, count, stands_anywhere(problem))
+    tool = _tool_turn if turns else _tool_distance
+    off = tool(machine.model, (true, fit.values), readings, count, stands_anywhere(problem))
     errors = [*(float(v) for v in parameter_errors(machine.model, fit.values, true)[machine.index]), off]
     return errors if fit.usable and _explains(fit, more) and all(map(isfinite, errors)) else None
 
@@ -203,19 +211,37 @@ def _placed(problem: Problem, selected: tuple[str, ...]) -> Problem:
     return replace(problem, model=with_frames(problem.model, problem.rows, readings))
 
 
-def _tool_distance(
-    model: Model, true: Array, identified: Array, readings: Array, count: int, anywhere: bool
-) -> float:
+def _tool_distance(model: Model, values: tuple[Array, Array], readings: Array, count: int, anywhere: bool) -> float:
     """Mean distance of the tool point as it is and as it was found to be, m; nan where a row has no prediction.
 
-    At drive readings (N, A) but the first `count`, at which it was measured. By `anywhere` these show how an instrument
-    saw the machine that may stand anywhere: the distance is that in its axes, as nobody knows where the base lies.
+    values (P,): true and identified. At drive readings (N, A) but the first `count`, at which it was measured. By
+    `anywhere` these show how an instrument saw the machine that may stand anywhere: the distance is that in its axes,
+    as nobody knows where the base lies.
     """
-    bare = tcp_model(model).with_options(())
-    along = [k for k, c in enumerate(bare.channels) if c.name in DIRECTIONS[:3]]
-    rows = at_rest(model, Rows.at(readings))
-    here, there = (predict(bare, values, rows).values[:, along] for values in (identified, true))
+    there, here = _tool_coordinates(model, values, DIRECTIONS[:3], readings)
     if anywhere and np.isfinite(here + there).all():
         rotation, shift = best_motion(here[:count], there[:count])
         here = here @ rotation.T + shift
     return float(np.sqrt(((here - there)[count:] ** 2).sum(axis=1)).mean())
+
+
+def _tool_turn(model: Model, values: tuple[Array, Array], readings: Array, count: int, anywhere: bool) -> float:
+    """The same of its orientation: mean angle between what it is and what it was found to be, rad."""
+    vectors = _tool_coordinates(model, values, DIRECTIONS[3:], readings)
+    there, here = (exp(np.pad(v, ((0, 0), (3 - v.shape[1], 0)))) for v in vectors)
+    if anywhere and np.isfinite(here + there).all():
+        axes = (r[:count].transpose(0, 2, 1).reshape(-1, 3) for r in (here, there))
+        here = best_rotation(*axes) @ here
+    left = log(here[count:] @ there[count:].transpose(0, 2, 1))
+    return float(np.sqrt((left**2).sum(axis=1)).mean())
+
+
+def _tool_coordinates(
+    model: Model, values: tuple[Array, Array], names: tuple[str, ...], readings: Array
+) -> tuple[Array, Array]:
+    """Coordinates (N, c) of the tool point at either of two parameter values (P,) and drive readings (N, A)."""
+    bare = tcp_model(model).with_options(())
+    along = [k for k, c in enumerate(bare.channels) if c.name in names]
+    rows = at_rest(model, Rows.at(readings))
+    first, second = (predict(bare, each, rows).values[:, along] for each in values)
+    return first, second

@@ -19,7 +19,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.errors_before_after import kinds_of
 from pkmcal_cli.calibration.fitted_frames import frame_parameters
 from pkmcal_cli.calibration.identify import identify
-from pkmcal_cli.calibration.point_errors import Judged, K, PointErrors, length_errors, point_errors
+from pkmcal_cli.calibration.point_errors import Judged, K, PointErrors, length_errors, orientation_errors, point_errors
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate, linearise, lost_rows, reasons
 from pkmcal_cli.model.model import Model
@@ -81,6 +81,11 @@ class Verification:
     def lengths(self) -> PointErrors:
         """The same of distances, each by itself."""
         return self._errors(length_errors)
+
+    @property
+    def orientations(self) -> PointErrors:
+        """The same of orientations."""
+        return self._errors(orientation_errors)
 
     def _errors(self, of: Callable[..., PointErrors]) -> PointErrors:
         points = of(self.problem, self.errors, self.on, self.by_side)
@@ -230,7 +235,13 @@ def _unexplained(problem: Problem, left: Mapping[str, float]) -> Array:
     return out
 
 
-def judged(v: Verification, tolerance: float) -> Judged:
-    """Position errors by a tolerance, m: distance of measured from predicted point; without positions, lengths."""
-    lengths = not v.on[:, v.problem.model.measuring(Measurand.POSITION)].any()
-    return Judged(v.lengths if lengths else v.points, tolerance, len(v.failed), lengths)
+def judged(v: Verification, tolerance: float, angle: bool = False) -> Judged:
+    """Position errors by a tolerance, m: distance of measured from predicted point; without positions, lengths.
+
+    By an angle, rad: orientation errors.
+    """
+    if angle:
+        return Judged(v.orientations, tolerance, len(v.failed), Measurand.ORIENTATION)
+    if v.on[:, v.problem.model.measuring(Measurand.POSITION)].any():
+        return Judged(v.points, tolerance, len(v.failed))
+    return Judged(v.lengths, tolerance, len(v.failed), Measurand.DISTANCE)

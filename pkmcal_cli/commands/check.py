@@ -17,7 +17,9 @@ def check(
     parameters: Parameters = None,
     tolerance: Annotated[
         str | None,
-        typer.Option("--tolerance", metavar='"20 um"', help="Of the position, with -p: pass, fail or undecided."),
+        typer.Option(
+            "--tolerance", metavar='"20 um"', help="Of positions, or by an angle of orientations, with -p."
+        ),
     ] = None,
     as_json: Json = False,
     quiet: Quiet = False,

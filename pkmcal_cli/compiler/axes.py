@@ -6,6 +6,7 @@ What lies along an axis is built at nominal and carried by a frame; the turn is 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -25,6 +26,7 @@ Tilts = tuple[Vector | None, Vector | None]
 CONSTANT: Tilts = (None, None)
 LETTERS: Final[tuple[Letter, Letter, Letter]] = ("x", "y", "z")
 _PARALLEL = 1e-6  # sine of an angle
+_KEPT = 32  # vectors: one for the values and one for each parameter that is stepped
 Values = Mapping[str, complex]
 
 
@@ -105,13 +107,20 @@ def cosine(first: Axis, second: Axis, nominal: Mapping[str, float]) -> Number:
 
 
 def _vector(function: Callable[[Values], Array], parts: tuple[tuple[Quantity, ...], ...], nominal: Values) -> Vector:
-    """The components of a vector (3,) that depends on axes, nan where one has no direction."""
+    """The components of a vector (3,) that depends on axes, nan where one has no direction.
+
+    Both sides of a joint need every component in their own axes: the vector is kept for the values last asked for.
+    """
     names = _names(parts)
+
+    @lru_cache(maxsize=_KEPT)
+    def whole(at: tuple[complex, ...]) -> Array:
+        with np.errstate(all="ignore"):
+            return function(dict(zip(names, at, strict=True)))
 
     def component(k: int) -> Number:
         def value(values: Values) -> complex:
-            with np.errstate(all="ignore"):
-                return complex(function(values)[k])
+            return complex(whole(tuple(values[name] for name in names))[k])
 
         return Formula(names, value) if names else value(nominal).real
 

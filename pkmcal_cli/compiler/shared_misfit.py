@@ -26,7 +26,7 @@ def with_yielding_drives(machine: Machine, length: float) -> Machine:
         else actuator
         for name, actuator in machine.actuators.items()
     }
-    return machine.model_copy(update={"actuators": drives, "loads": {}, "gravity": None})
+    return machine.model_copy(update={"actuators": drives, "loads": {}, "gravity": ()})
 
 
 def yields(machine: Machine) -> bool:

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.diagnosis.alternatives import Alternative, best_alternative, drift, families
+from pkmcal_cli.diagnosis.alternatives import SMOOTH, Alternative, best_alternative, drift, families
 from pkmcal_cli.diagnosis.groups import TIME, group_columns
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.noise_tests import noise_scale
@@ -59,12 +59,12 @@ def _in_time(search: Search, removed: Sequence[Hypothesis], last: Scored) -> Alt
 
     A drift does not stand for effects that depend on time or temperature: it is what they do.
     """
-    kinds, smooth = families(search.problem, search.fit), drift(search.problem)
+    kinds = families(search.problem, search.fit)
     linear = linear_without(search, removed, removed).prewhitened(last.linear.memory)
-    best = best_alternative(linear, last.scale, [*kinds, smooth])
+    best = best_alternative(linear, last.scale, [*kinds, *drift(search.problem)])
     if best is None or best.depends_on != TIME:
         return None
-    if best.words in smooth.words and any(of_warming(p) for p in removed):
+    if best.words == SMOOTH and any(of_warming(p) for p in removed):
         return None
     return best if best.evidence > evidence_of_effects(search, removed, linear, last.scale) + BETTER else None
 

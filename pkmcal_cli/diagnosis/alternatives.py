@@ -27,6 +27,7 @@ _ROWS = 4  # on a bump, at least
 _STEP = 0.3  # of their places, in widths
 _FEWEST_CYCLES = 4.0  # slower oscillations are drift or temperature
 _NEAR = 3  # rows from the change of a session, where a step is a new set-up
+SMOOTH = "smooth drift"
 _EDGE = 4  # rows before and after a step, at least
 
 
@@ -67,11 +68,15 @@ def in_time(problem: Problem) -> tuple[Family | None, Family | None]:
     return _steps(problem), _oscillations(problem)
 
 
-def drift(problem: Problem) -> Family:
-    """A smooth drift of all readings in time, or from row to row where that is not known."""
+def drift(problem: Problem) -> list[Family]:
+    """Smooth drifts of all readings in time, or from row to row where that is not known, of several degrees.
+
+    A slow one is hardly more than a line, and has fewer numbers than a curve: with those of a curve it would be a step.
+    """
     when = _time(problem)
     shapes = drift_shapes(np.arange(float(len(problem))) if when is None else when)
-    return Family(TIME, _blocks(problem, shapes[:, None, :]), ["smooth drift"])
+    degrees = range(1, shapes.shape[1] + 1)
+    return [Family(TIME, _blocks(problem, shapes[:, None, :degree]), [SMOOTH]) for degree in degrees]
 
 
 def best_alternative(linear: Linear, scale: Scale, kinds: Sequence[Family]) -> Alternative | None:

@@ -59,7 +59,7 @@ def _better(
         return None
     names = tuple(h.name for h in removed)
     if best.depends_on == TIME:  # a smooth drift is a step in part
-        smooth = best_alternative(linear, scale, [drift(search.problem)])
+        smooth = best_alternative(linear, scale, drift(search.problem))
         best = best if smooth is None or smooth.evidence < best.evidence else smooth
     words = f"{best.words}: a better explanation than {' and '.join(names)}"
     return Unknown(best.depends_on, float(np.exp(accepted_evidence - best.evidence)), best.rms, words, names)

@@ -7,12 +7,13 @@ Every value keeps the place in the file that it came from.
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from pkmcal_cli.base.errors import BadInput, Fault, FaultList, did_you_mean, nearest
 from pkmcal_cli.language.each import Expansion
 from pkmcal_cli.yaml_source.read import Source, read_source
-from pkmcal_cli.yaml_source.tree import SourceMap, SourceNode
+from pkmcal_cli.yaml_source.tree import SourceMap, SourceNode, cut_by_comma
 
 KEY = "extends"
 MAX_CHAIN = 16
@@ -95,7 +96,7 @@ class _Chain:
         made = dict(base.value)
         for key, child in over.value.items():
             if child.value is None:
-                self.delete(made, key, child, path)
+                self.delete(made, key, over.value, path)
             elif key in made:
                 new = self.merged(made[key], child, (*path, key))
                 made[key] = SourceNode(new.value, new.where, child.key, new.text, new.quoted)
@@ -103,13 +104,16 @@ class _Chain:
                 made[key] = child
         return SourceNode(made, over.where, over.key)
 
-    def delete(self, made: dict[str, SourceNode], key: str, child: SourceNode, path: tuple[str, ...]) -> None:
+    def delete(
+        self, made: dict[str, SourceNode], key: str, over: Mapping[str, SourceNode], path: tuple[str, ...]
+    ) -> None:
         if made.pop(key, None) is not None:
             return
-        where = child.key or child.where
+        where = over[key].key or over[key].where
         message = f"cannot delete `{'.'.join((*path, key))}`: it does not exist"
         close = nearest(key, made)
         hint = f"did you mean `{close}`?" if close else "use `null` only to delete an entry of the extended file"
+        hint = cut_by_comma(over, key) or hint
         line = self.lines[where.file][where.line - 1]
         self.faults.add(Fault("extends", message, where, hint, line))
 

@@ -63,6 +63,11 @@ class ToolMotion:
         """Whether a coordinate moves at all."""
         return self._holding((name,)) > 0
 
+    @cached_property
+    def only_turns(self) -> bool:
+        """Whether the point stays in its place, and its body turns about it: errors of such machines are angles."""
+        return self.shown > 0 and not any(self.moves(name) for name in self.names if name in DIRECTIONS[:3])
+
     def independent(self, names: Collection[str]) -> bool:
         """Whether some coordinates move each without the others."""
         return not names or self._holding(tuple(names)) > 0

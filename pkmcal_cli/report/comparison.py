@@ -54,9 +54,10 @@ class Compared:
 
 @dataclass(frozen=True, kw_only=True)
 class ToolChange:
-    """Change of the tool point's position, m: rms, that by chance alone, largest with its uncertainty, and where.
+    """Change of the tool point's position, m, or where it only turns, of its orientation, rad.
 
-    alone: the one parameter by which it is computed, None for all.
+    Rms, that by chance alone, largest with its uncertainty, and where. alone: the one parameter by which it is
+    computed, None for all.
     """
 
     rms: float
@@ -67,6 +68,12 @@ class ToolChange:
     count: int
     over: str
     alone: str | None
+    turns: bool
+
+    @property
+    def units(self) -> tuple[Unit, Unit]:
+        """Of the changes, and of where they are, as programs get them."""
+        return (parse_unit("urad"), parse_unit("deg")) if self.turns else (parse_unit("um"), parse_unit("mm"))
 
 
 class ComparisonReport:
@@ -185,11 +192,12 @@ class ComparisonReport:
         if isinstance(self.tool, str):
             to.say(f"change of the tool point: not available ({self.tool})")
             return
-        t, unit = self.tool, parse_unit("mm")
+        t, unit = self.tool, self.tool.units[1]
         alone = f", by {t.alone} alone" if t.alone else ""
-        where = ", ".join(f"{axis} = {v / unit.scale:.4g} mm" for axis, v in t.where.items())
+        where = ", ".join(f"{axis} = {v / unit.scale:.4g} {unit.text}" for axis, v in t.where.items())
+        changed = "the tool point's orientation" if t.turns else "the tool point"
         to.say(
-            f"change of the tool point{self._between()} over the {t.over}{alone}: {readable(t.rms, unit)} rms "
+            f"change of {changed}{self._between()} over the {t.over}{alone}: {readable(t.rms, unit)} rms "
             f"({readable(t.rms_by_chance, unit)} by chance alone), largest {readable(t.largest, unit)} "
             f"(u {readable(t.std, unit)}) at {where}" + ("" if t.alone else _UNSEEN)
         )
@@ -270,15 +278,15 @@ class ComparisonReport:
     def _tool_json(self) -> dict[str, Any] | None:
         if self.tool is None or isinstance(self.tool, str):
             return None
-        t, um = self.tool, 1e-6
+        t, (small, at) = self.tool, self.tool.units
         return {
-            "rms": t.rms / um,
-            "rms_by_chance": t.rms_by_chance / um,
-            "max": t.largest / um,
-            "std": t.std / um,
-            "unit": "um",
-            "at": {axis: v / 1e-3 for axis, v in t.where.items()},
-            "at_unit": "mm",
+            "rms": t.rms / small.scale,
+            "rms_by_chance": t.rms_by_chance / small.scale,
+            "max": t.largest / small.scale,
+            "std": t.std / small.scale,
+            "unit": small.text,
+            "at": {axis: v / at.scale for axis, v in t.where.items()},
+            "at_unit": at.text,
             "count": t.count,
             "over": t.over,
             "alone": t.alone,

@@ -12,7 +12,7 @@ from pkmcal_cli.effects.effect import Entry
 from pkmcal_cli.model.effect_sites import ALL, EACH, place_and_session
 
 STANDS_ANYWHERE = (
-    "Errors are those of positions to each other: the instrument stands anywhere (`frame: fitted`), so where the "
+    "Errors are those of poses to each other: the instrument stands anywhere (`frame: fitted`), so where the "
     "machine as a whole is cannot be judged."
 )
 
@@ -88,6 +88,9 @@ _MOVED = (
 )
 
 
+_ALONG = re.compile(r"oscillation along (\w+),")
+
+
 def unknown_sentence(size: str, depends_on: str, hint: str, warm: bool, step: bool = False) -> str:
     """Something that no effect explains; `warm`: temperatures were logged; `step`: all readings shift at some time."""
     advice = _MOVED if step else {
@@ -96,6 +99,12 @@ def unknown_sentence(size: str, depends_on: str, hint: str, warm: bool, step: bo
         "direction": "Measure every pose from both sides.",
         "load": "Measure with several payloads.",
     }.get(depends_on, "Do not compensate outside the measured region.")
+    if (named := _ALONG.match(hint)) is not None:
+        drive = named[1]
+        advice = (
+            f"If the screw, gear or encoder of {drive} comes round as often, state its `period` in the machine file "
+            f"(`actuators: {{{drive}: {{period: ...}}}}`): then it is tested by name. {advice}"
+        )
     label = f"Unknown effect of {size.strip()}" if size else "Unknown effect"
     detail = f" ({hint})" if hint else ""
     return f"{label}: depends on {depends_on}, matches no effect of the catalogue{detail}. {advice}"

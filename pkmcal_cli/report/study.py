@@ -50,7 +50,7 @@ class StudyReport:
     @property
     def tool_unit(self) -> Unit:
         """Of the tool point's errors."""
-        return parse_unit(_SMALL["length"])
+        return parse_unit(_SMALL["angle" if self.study.turns else "length"])
 
     def show(self, to: Reporter) -> None:
         """What is reached first, then the tables."""

@@ -16,6 +16,7 @@ from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.failed_rows import FailedRows
 from pkmcal_cli.report.number_format import finite, readable, to_digits
 from pkmcal_cli.report.sentences import PARTLY, STANDS_ANYWHERE
+from pkmcal_cli.units.measurands import Measurand
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _LISTED = 20
@@ -85,7 +86,7 @@ class VerificationReport:
         if self.judged is not None and not v.p_value >= SIGNIFICANT and v.dof > 0:
             to.warn(f"warning: NOT COMPATIBLE with the parameters: p {v.p_value:.2g}; something has changed")
         partly = 0 if self.judged is None else partly_measured(v.problem, self.judged.points.rows)
-        if self.judged is not None and self.judged.lengths:
+        if self.judged is not None and self.judged.measurand is Measurand.DISTANCE:
             to.say(_LENGTHS_ALONE)
         if partly:
             to.say(PARTLY.format(points=count(partly, "point")))
@@ -142,7 +143,7 @@ class VerificationReport:
         assert unit is not None
         e, u = (to_digits(unit.from_si(float(x[k])), 4) for x in (j.points.errors, j.points.expanded))
         known = f"U {u} {unit.text} (k = 2)" if np.isfinite(j.points.expanded[k]) else "U unknown"
-        return [f"largest {'length' if j.lengths else 'position'} error: {e} {unit.text}, {known}, at {at}"]
+        return [f"largest {j.error} error: {e} {unit.text}, {known}, at {at}"]
 
     def _channels(self) -> list[dict[str, Any]]:
         v, out = self.verification, []

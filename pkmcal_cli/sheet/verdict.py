@@ -183,7 +183,7 @@ def _judged_error(results: Results, judged: Judged) -> str:
     old = "" if built is None else f" As built (nominal dimensions): {results.length_text(built.largest)} at most."
     if results.verified is None:
         old += " The verdict is of a control that uses the identified parameters, or corrected set values."
-    return f"Judged: {'length' if judged.lengths else 'position'} errors of {state}{where}.{old}"
+    return f"Judged: {judged.error} errors of {state}{where}.{old}"
 
 
 def _lines(results: Results) -> list[str]:

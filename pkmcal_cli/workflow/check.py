@@ -137,12 +137,12 @@ def _run_several(request: CheckRequest) -> int:
 
 
 def _tolerance(text: str | None) -> tuple[float, Unit] | None:
-    """The tolerance, m, and its unit. Raises UsageError."""
+    """The tolerance, m or rad, and its unit. Raises UsageError."""
     if text is None:
         return None
     from pkmcal_cli.workflow.verify import tolerance_of
 
-    return tolerance_of(text)
+    return tolerance_of(text, angles=True)
 
 
 @dataclass(frozen=True)

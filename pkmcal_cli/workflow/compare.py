@@ -23,8 +23,7 @@ from pkmcal_cli.pictures.titles import titles
 from pkmcal_cli.report.comparison import Compared, ComparisonReport, ToolChange
 from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.provenance import provenance
-from pkmcal_cli.units.dimensions import LENGTH
-from pkmcal_cli.units.unit_text import parse_unit
+from pkmcal_cli.units.dimensions import ANGLE, LENGTH
 from pkmcal_cli.workflow.alpha import check_alpha
 from pkmcal_cli.workflow.arguments import present
 from pkmcal_cli.workflow.compare_machines import compare_machines
@@ -83,7 +82,7 @@ def _check_limits(limits: Sequence[Gate], kinds: Sequence[str]) -> None:
     """Whether what is compared has what limits name. Raises UsageError."""
     fitting = "heldout" if "machine" in kinds else "change"
     for gate in limits:
-        if gate.figure != fitting or (gate.figure == "change" and gate.unit.dimension != LENGTH):
+        if gate.figure != fitting or (gate.figure == "change" and gate.unit.dimension not in (LENGTH, ANGLE)):
             words = "of two machine files" if fitting == "heldout" else "of calibrations"
             raise UsageError(f"{gate.option}: `{gate.text}` is no limit {words}", hint=f'write e.g. "{fitting} 20 um"')
 
@@ -193,10 +192,11 @@ def _largest(change: ToolChange | str | None, report: ComparisonReport) -> list[
     """The largest change of the tool point, 0 where the test sees none, or why it is not known."""
     if change is None or isinstance(change, str):
         return change or "not known"
-    label, size = "largest change of the tool point's position", change.largest
+    kind = "orientation" if change.turns else "position"
+    label, size = f"largest change of the tool point's {kind}", change.largest
     if report.unchanged:
         label, size = f"{label} (no change is seen)", 0.0
-    return [Figure(label, size, parse_unit("um"), "position")]
+    return [Figure(label, size, change.units[0], kind)]
 
 
 def _compared(known: Sequence[KnownParameters]) -> Compared:

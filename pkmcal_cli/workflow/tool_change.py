@@ -29,7 +29,10 @@ _POSES = 200
 def tool_change(
     machine: str | None, files: Sequence[str], known: Sequence[KnownParameters], changes: Estimate, to: Listener
 ) -> ToolChange | str:
-    """Of the positions of the tool point, or why it cannot be told. Raises BadInput for a machine that was named."""
+    """Of the positions of the tool point, or its orientations where it only turns, or why it cannot be told.
+
+    Raises BadInput for a machine that was named.
+    """
     loaded = load_machine(machine) if machine is not None else _machine(files, known)
     if loaded is None:
         return "the machine file is not found, or has changed; name it with `--machine M.yaml`"
@@ -56,8 +59,9 @@ def tool_change(
 
 
 def _change(tool: Model, prediction: Prediction, changes: Estimate, names: list[str], over: str) -> ToolChange:
-    """By derivatives of positions with respect to parameters `names`, of rows that are predicted."""
-    good, columns = prediction.solved, tool.measuring(Measurand.POSITION)
+    """By derivatives of poses with respect to parameters `names`, of rows that are predicted."""
+    turns = tool.tool_motion.only_turns
+    good, columns = prediction.solved, tool.measuring(Measurand.ORIENTATION if turns else Measurand.POSITION)
     assert prediction.jacobian is not None
     jacobian = prediction.jacobian[good][:, columns]  # (n, c, k)
     keep = [changes.names.index(n) for n in names]
@@ -65,7 +69,7 @@ def _change(tool: Model, prediction: Prediction, changes: Estimate, names: list[
     spread, chance = (_sizes(jacobian, m[np.ix_(keep, keep)]) for m in (changes.covariance, changes.null))
     size = np.sqrt((move**2).sum(axis=1))
     worst = int(np.argmax(size))
-    axes = dict(zip("xyz", prediction.values[good][worst, columns], strict=False))
+    axes = dict(zip((tool.channels[k].name for k in columns), prediction.values[good][worst, columns], strict=True))
     return ToolChange(
         rms=float(np.sqrt((size**2).mean())),
         rms_by_chance=float(np.sqrt((chance**2).mean())),
@@ -75,11 +79,12 @@ def _change(tool: Model, prediction: Prediction, changes: Estimate, names: list[
         count=int(good.sum()),
         over=over,
         alone=names[0] if changes.alone else None,
+        turns=turns,
     )
 
 
 def _sizes(jacobian: Array, covariance: Array) -> Array:
-    """Standard uncertainties (n,) of positions by a covariance of parameters."""
+    """Standard uncertainties (n,) of positions or orientations by a covariance of parameters."""
     return np.asarray(np.sqrt(np.maximum(np.einsum("ncp,pq,ncq->n", jacobian, covariance, jacobian), 0.0)))
 
 

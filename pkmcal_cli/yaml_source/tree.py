@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -123,3 +124,17 @@ def size_of(node: SourceNode) -> int:
             stack.extend(at.value)
         total += 1
     return total
+
+
+def cut_by_comma(entries: Mapping[str, SourceNode], key: str) -> str | None:
+    """How to write what a comma within braces has cut into an entry and `key`, which has no value; None elsewhere."""
+    names, rest = list(entries), entries.get(key)
+    if rest is None or rest.value is not None or rest.text or not names.index(key):
+        return None
+    last = names[names.index(key) - 1]
+    before = entries[last].text or ""
+    if key[:1].isdigit():
+        return f"write the decimal mark as a point: `{before}.{key}`"
+    if last == "note" or " " in key or " " in before:  # texts of several words
+        return f'a comma ends a text within braces; write it in quotes: `"{before}, {key}"`'
+    return None

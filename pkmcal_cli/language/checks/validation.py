@@ -17,7 +17,7 @@ from pkmcal_cli.base.errors import FaultList, did_you_mean
 from pkmcal_cli.language.fields import Entity
 from pkmcal_cli.language.machine import Machine, WrittenMachine
 from pkmcal_cli.language.quantities import hint_of, kind_of
-from pkmcal_cli.yaml_source.tree import Path, SourceMap
+from pkmcal_cli.yaml_source.tree import Path, SourceMap, cut_by_comma
 
 _ROUNDS = 8
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
@@ -133,14 +133,6 @@ def _known_path(source: SourceMap, loc: tuple[str | int, ...]) -> Path:
     return tuple(path)
 
 
-def _before(source: SourceMap, path: Path) -> str:
-    """The value that stands before a key, as it is written; "" where it is none of one line."""
-    entries = source.node(path[:-1]).value
-    names = list(entries) if isinstance(entries, dict) else []
-    place = names.index(str(path[-1])) if path and str(path[-1]) in names else 0
-    return (source.node((*path[:-1], names[place - 1])).text or "") if place else ""
-
-
 def _add(details: Mapping[str, Any], path: Path, source: SourceMap, faults: FaultList) -> None:
     """One error of pydantic as a fault."""
     kind, loc, context = details["type"], details["loc"], details.get("ctx", {})
@@ -155,8 +147,8 @@ def _add(details: Mapping[str, Any], path: Path, source: SourceMap, faults: Faul
         message = f"unknown key `{key}`{_of(loc[:-1])}"
         new = owner.renamed.get(key) if owner is not None else None
         hint = f"`{key}` is now called `{new}`" if new else did_you_mean(key, names, _list_of(names))
-        if key[:1].isdigit() and details["input"] is None:  # of "10,5 kg" in a map: the comma ends the entry
-            hint = f"write the decimal mark as a point: `{_before(source, path)}.{key}`"
+        around = source.node(path[:-1]).value
+        hint = (cut_by_comma(around, key) if isinstance(around, dict) else None) or hint
         faults.add(source.fault("unknown-key", message, path, hint, at_key=True))
     elif kind == "missing" and isinstance(loc[-1], int):
         message = f"expected 2 entries{_of(loc[:-1])}, found {len(details['input'])}"

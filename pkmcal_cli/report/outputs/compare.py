@@ -53,8 +53,8 @@ effects[].stds[] number?:
 effects[].unit text:
 effects[].p_value number?: of the same size in the first and last file that have it; null where that is not known
 effects[].remark text?: `only in ...`, `other size`, or null
-tool_point~?.rms number?: change of the predicted position over the workspace, from the first file to the last or by a
-    step; `tool_point` is null where it cannot be told
+tool_point~?.rms number?: change of the predicted position (of the orientation, where it only turns) over the
+    workspace, from the first file to the last or by a step; `tool_point` is null where it cannot be told
 tool_point.rms_by_chance number: the same if nothing has changed
 tool_point.max number?: largest change
 tool_point.std number?: its standard uncertainty
