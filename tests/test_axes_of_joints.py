@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cloudpickle
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -203,6 +204,15 @@ sensors:
 def test_a_free_motion_is_named_by_its_body() -> None:
     text = arm(NOMINAL).replace("q2: {turns: lower}, ", "")
     assert compiled(text).mobility.uncontrolled == ("rotation of lower",)
+
+
+def test_a_machine_with_turned_axes_goes_to_other_processes() -> None:
+    """As those of `study --jobs`: it is there what it is here."""
+    here = model(arm(NOMINAL))
+    there = cloudpickle.loads(cloudpickle.dumps(here))
+    values = {**NOMINAL, "c": 0.2, "d": -0.2, "e": np.radians(9)}
+    one, other = (at(m, [[0.1, -0.1, 0.01]], Request(parameters=("c", "e")), **values) for m in (here, there))
+    assert np.array_equal(one.values, other.values) and np.array_equal(one.jacobian, other.jacobian)
 
 
 def test_tilts_of_a_hinge_are_identified(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

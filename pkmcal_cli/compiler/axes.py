@@ -6,7 +6,6 @@ What lies along an axis is built at nominal and carried by a frame; the turn is 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -106,21 +105,35 @@ def cosine(first: Axis, second: Axis, nominal: Mapping[str, float]) -> Number:
     return Formula(names, value) if names else value(nominal).real
 
 
-def _vector(function: Callable[[Values], Array], parts: tuple[tuple[Quantity, ...], ...], nominal: Values) -> Vector:
-    """The components of a vector (3,) that depends on axes, nan where one has no direction.
+class _LastVectors:
+    """A vector (3,) that depends on axes, nan where one has no direction, at the values last asked for.
 
-    Both sides of a joint need every component in their own axes: the vector is kept for the values last asked for.
+    Both sides of a joint need every component in their own axes: without this each is computed anew for each of them.
     """
-    names = _names(parts)
 
-    @lru_cache(maxsize=_KEPT)
-    def whole(at: tuple[complex, ...]) -> Array:
-        with np.errstate(all="ignore"):
-            return function(dict(zip(names, at, strict=True)))
+    def __init__(self, function: Callable[[Values], Array], names: tuple[str, ...]) -> None:
+        self._function, self._names = function, names
+        self._last: dict[tuple[complex, ...], Array] = {}
+
+    def at(self, values: Values) -> Array:
+        """The vector at some values."""
+        key = tuple(values[name] for name in self._names)
+        if key not in self._last:
+            if len(self._last) == _KEPT:
+                del self._last[next(iter(self._last))]
+            with np.errstate(all="ignore"):
+                self._last[key] = self._function(values)
+        return self._last[key]
+
+
+def _vector(function: Callable[[Values], Array], parts: tuple[tuple[Quantity, ...], ...], nominal: Values) -> Vector:
+    """The components of a vector (3,) that depends on axes, nan where one has no direction."""
+    names = _names(parts)
+    vectors = _LastVectors(function, names)
 
     def component(k: int) -> Number:
         def value(values: Values) -> complex:
-            return complex(whole(tuple(values[name] for name in names))[k])
+            return complex(vectors.at(values)[k])
 
         return Formula(names, value) if names else value(nominal).real
 
