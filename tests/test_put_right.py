@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pkmcal_cli.calibration.measured_problem import problem_of
+from pkmcal_cli.gross_errors.hints import suspicions
 from pkmcal_cli.gross_errors.plausibility import Hint, Right
 from pkmcal_cli.gross_errors.put_right import put_right
 from pkmcal_cli.loading.load_machine import load_machine, load_measurements
@@ -60,8 +62,40 @@ def test_a_mistake_is_the_verdict_and_the_rest_is_searched(mistake: str, honest:
     (told,) = done.json["mistakes"]
     assert told.startswith(text) and f"diagnosis: the measurement is at fault: {text}" in done.err
     assert done.json["chi2_per_dof_before"] == pytest.approx(honest["chi2_per_dof_before"], rel=0.01)
-    assert "searched with these columns put right; correct the table, or the machine file" in done.err
+    assert "searched with the table put right; correct it, or the machine file" in done.err
     assert honest["mistakes"] == [] and honest["verdict"] == "clean"
+
+
+@pytest.mark.parametrize(("first", "where"), [(0, ":"), (15, " from ")])
+def test_readings_in_wrong_rows_are_put_back(first: int, where: str, honest: Any, tmp_path: Path) -> None:
+    """From a row on, each has what was read in the next: they are those of the honest table, but for what was lost."""
+
+    def late(column: np.ndarray) -> np.ndarray:
+        return np.concatenate([column[:first], column[first + 1 :], column[-1:]])
+
+    file = spoilt(tmp_path / "late.csv", lambda t: t | {"x": late(t["x"]), "y": late(t["y"])})
+    done = diagnosed(file)
+    assert done.code == 1 and done.json["verdict"] == "measurement_fault" and done.json["effects"] == []
+    (told,) = done.json["mistakes"]
+    assert told.startswith(f"the readings look shifted by one row{where}")
+    assert done.json["chi2_per_dof_before"] == pytest.approx(honest["chi2_per_dof_before"], rel=0.1)  # without a row
+    machine = load_machine(TRIGLIDE)
+    right, wrong = (load_measurements(machine, [f]) for f in (spoilt(tmp_path / "h.csv", lambda t: t), file))
+    problem = problem_of(machine.model, wrong)
+    back = put_right(wrong, suspicions(machine, problem, problem.model.nominal, wrong))
+    assert back is not None and int(np.isnan(back.readings).all(axis=1).sum()) == 1, "the reading that was left out"
+    known = np.isfinite(back.readings)
+    np.testing.assert_array_equal(back.readings[known], right.readings[known])
+    np.testing.assert_array_equal(back.actuators, right.actuators)
+
+
+def test_a_column_that_stays_is_exchanged_back(tmp_path: Path) -> None:
+    """The height of the carriage hardly varies, so that only the other column shows that they are exchanged."""
+    text = (MACHINES / "gantry.csv").read_text()
+    (tmp_path / "t.csv").write_text(text.replace("x [mm],y [mm],z [mm]", "x [mm],z [mm],y [mm]"))
+    done = clean(run("diagnose", MACHINES / "gantry.yaml", tmp_path / "t.csv", "--json"))
+    assert done.code == 1 and done.json["verdict"] == "measurement_fault" and done.json["effects"] == []
+    assert done.json["mistakes"][0].startswith("`y` and `z` look swapped")
 
 
 @pytest.mark.parametrize(

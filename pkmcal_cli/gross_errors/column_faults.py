@@ -116,13 +116,13 @@ def explain_columns(
     )
     best = {i: _best(table, i) for i in np.nonzero(table.gross)[0].tolist()}
     matches = {i: match for i, match in best.items() if match is not None} | ({} if steady else _rotation(table))
+    for i, match in list(matches.items()):
+        j = match.source
+        if j not in matches and table.rest(j, i) < BETTER * table.before[j]:
+            matches[j] = table.match(j, i)  # it stays, and cannot tell by itself that they are swapped
     corrected = measured.copy()
     for i, match in matches.items():
         corrected[:, i] = match.factor * measured[:, match.source]
-    for i, match in matches.items():
-        j = match.source
-        if j not in matches and table.rest(j, i) < BETTER * table.before[j]:
-            corrected[:, j] = measured[:, i]  # the other column stays, and cannot tell by itself that they are swapped
     hints = [*_rings(table, matches), *_exchanges(table, matches), *_rescaled(table, matches)]
     if not steady:
         hints += _shifted(table, [i for i in range(len(names)) if i not in matches], corrected)

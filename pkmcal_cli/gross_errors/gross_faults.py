@@ -22,7 +22,7 @@ from pkmcal_cli.gross_errors.column_faults import explain_columns
 from pkmcal_cli.gross_errors.drive_columns import explain_by_prediction
 from pkmcal_cli.gross_errors.mirror import brought_back, explain_frame
 from pkmcal_cli.gross_errors.permuted import permuted_rows
-from pkmcal_cli.gross_errors.plausibility import BETTER, EXPLAINED, Hint, evidence, misfit
+from pkmcal_cli.gross_errors.plausibility import BETTER, EXPLAINED, Hint, MovedReadings, evidence, misfit
 from pkmcal_cli.gross_errors.repeated import repeated_readings
 from pkmcal_cli.gross_errors.row_shift import RowShift, apply_shifts, find_row_shifts
 from pkmcal_cli.gross_errors.sample import Sample
@@ -264,14 +264,18 @@ def _shifted(sample: Sample, channels: list[int], sessions: IntArray, row_origin
     some[:, channels] = readings[:, channels]
     shifts = find_row_shifts(some, predicted, sample.rows, sessions, sample.seen)
     right = readings.copy()
-    right[:, channels] = apply_shifts(some, sessions, shifts)[:, channels]
+    right[:, channels] = apply_shifts(some, sessions, ((s.shift, s.first) for s in shifts))[:, channels]
     seen, corrected = (sample.seen(table[sample.rows], predicted) for table in (readings, right))
     alike = len({s.shift for s in shifts}) == 1 and all(s.whole for s in shifts)
     every = alike and len(shifts) == len(np.unique(sessions))
     shown = shifts[:1] if every else shifts
     names, _ = _named(sample)
     whose = "" if len(channels) == len(names) else " of " + ", ".join(f"`{names[k]}`" for k in channels)
-    hints = tuple(_row_hint(sample, s, whose, "" if every else _where(s, row_origin)) for s in shown)
+    moved = tuple(MovedReadings(tuple(names[k] for k in channels), s.shift, s.first) for s in shifts)
+    hints = tuple(
+        _row_hint(sample, s, whose, "" if every else _where(s, row_origin), moved if every else (m,))
+        for s, m in zip(shown, moved, strict=False)
+    )
     return _Reason(hints, *(misfit(table, predicted, seen) for table in (seen, corrected)))
 
 
@@ -279,7 +283,7 @@ def _where(shift: RowShift, row_origin: Callable[[int], str]) -> str:
     return f" from {row_origin(int(shift.rows[0]))} to {row_origin(int(shift.rows[-1]))}"
 
 
-def _row_hint(sample: Sample, shift: RowShift, whose: str, where: str) -> Hint:
+def _row_hint(sample: Sample, shift: RowShift, whose: str, where: str, moved: tuple[MovedReadings, ...]) -> Hint:
     """The channel that shows a shift most clearly gives the figures."""
     channels = sample.part.model.channels
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -289,10 +293,7 @@ def _row_hint(sample: Sample, shift: RowShift, whose: str, where: str) -> Hint:
     rows = {1: "one row", 2: "two rows"}[abs(shift.shift)]
     other = {1: "next row", -1: "row before", 2: "row two after", -2: "row two before"}[shift.shift]
     before, after = float(shift.before[k]), float(shift.after[k])
-    message = (
-        f"the readings{whose} look shifted by {rows}{where}: "
-        f"`{channels[k].name}` {evidence(unit, before, after)} "
-        f"when each row takes the readings of the {other}"
-    )
-    moved = tuple(shift.rows.tolist())
-    return Hint(kind="rows", names=(channels[k].name,), message=message, before=before, after=after, rows=moved)
+    words = f"{evidence(unit, before, after)} when each row takes the readings of the {other}"
+    message = f"the readings{whose} look shifted by {rows}{where}: `{channels[k].name}` {words}"
+    names, rows_off = (channels[k].name,), tuple(shift.rows.tolist())
+    return Hint(kind="rows", names=names, message=message, before=before, after=after, rows=rows_off, moved=moved)

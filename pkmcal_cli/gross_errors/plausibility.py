@@ -39,13 +39,21 @@ class Right:
     shift: float = 0.0
 
 
+@dataclass(frozen=True)
+class MovedReadings:
+    """Readings of columns that stand in wrong rows: those of a session from row `first` on are `shift` rows further."""
+
+    names: tuple[str, ...]
+    shift: int
+    first: int
+
+
 @dataclass(frozen=True, kw_only=True)
 class Hint:
     """A suspicion: what it is, the columns, the words, and the evidence.
 
     before, after: rms of measured minus predicted (SI) as it stands and if the hint is followed (limits: rows
-    outside); rows: those concerned, for limits; columns: what puts the table right, empty where no change of columns
-    does
+    outside); rows: those concerned, for limits; columns, moved: what puts the table right, empty where nothing does
     """
 
     kind: Kind
@@ -55,6 +63,12 @@ class Hint:
     after: float
     rows: tuple[int, ...] = ()
     columns: tuple[Right, ...] = ()
+    moved: tuple[MovedReadings, ...] = ()
+
+    @property
+    def mends(self) -> bool:
+        """Whether it says how the table is put right."""
+        return bool(self.columns or self.moved)
 
 
 def find_limit_faults(

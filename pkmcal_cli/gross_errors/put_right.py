@@ -1,4 +1,4 @@
-"""A table with columns put right that are exchanged, turned in sign, or in a wrong unit."""
+"""A table put right: columns exchanged, turned in sign or in a wrong unit, and readings that stand in wrong rows."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from pkmcal_cli.gross_errors.plausibility import Hint
+from pkmcal_cli.gross_errors.plausibility import Hint, MovedReadings, Right
+from pkmcal_cli.gross_errors.row_shift import apply_shifts
 from pkmcal_cli.tables.measurement_set import Measurements
 
 _ARRAYS = (("actuators", "actuator_sigma", "actuator_names"), ("readings", "sigma", "channels"))
@@ -17,9 +18,14 @@ _ARRAYS = (("actuators", "actuator_sigma", "actuator_names"), ("readings", "sigm
 
 def put_right(measured: Measurements, hints: Sequence[Hint]) -> Measurements | None:
     """The table as hints say that it should be; None where none says so."""
-    columns = [change for hint in hints for change in hint.columns]
-    if not columns:
+    if not any(hint.mends for hint in hints):
         return None
+    measured = _columns_right(measured, [change for hint in hints for change in hint.columns])
+    return _rows_right(measured, [moved for hint in hints for moved in hint.moved])
+
+
+def _columns_right(measured: Measurements, columns: Sequence[Right]) -> Measurements:
+    """With each column as it is right."""
     changed: dict[str, Any] = {}
     for values, sigmas, named in _ARRAYS:
         names = getattr(measured, named)
@@ -33,3 +39,14 @@ def put_right(measured: Measurements, hints: Sequence[Hint]) -> Measurements | N
             changed[name] = np.array(array)
             changed[name][:, to] = array[:, source] * scale + more
     return replace(measured, **changed)
+
+
+def _rows_right(measured: Measurements, moved: Sequence[MovedReadings]) -> Measurements:
+    """With readings, and what rows state of their uncertainty, in the rows where they belong."""
+    for each in moved:
+        columns = [measured.channels.index(name) for name in each.names if name in measured.channels]
+        values, sigma = measured.readings.copy(), measured.sigma.copy()
+        for array in (values, sigma):
+            array[:, columns] = apply_shifts(array[:, columns], measured.session, [(each.shift, each.first)])
+        measured = replace(measured, readings=values, sigma=sigma)
+    return measured

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,11 +22,13 @@ _FEWEST = 6  # rows that a shift must explain: fewer may agree by chance
 class RowShift:
     """Rows `rows` (numbers in the table) take the readings `shift` rows further on.
 
-    before, after: rms (C,) of measured less predicted in these rows, SI; whole: whether all rows of the session.
+    first: number of the row from which on all of the session do; before, after: rms (C,) of measured less predicted in
+    these rows, SI; whole: whether all rows of the session.
     """
 
     shift: int
     rows: IntArray
+    first: int
     before: FloatArray
     after: FloatArray
     whole: bool
@@ -61,7 +63,8 @@ def find_row_shifts(
             shift, first = best
             part = in_session[first:]
             before, after = (np.sqrt(_mean(residual[k][part] ** 2, residual[shift][part])) for k in (0, shift))
-            shifts.append(RowShift(shift, rows[part], before, after, first == 0))
+            begin = int(np.nonzero(session == number)[0][0]) if first == 0 else int(rows[part[0]])
+            shifts.append(RowShift(shift, rows[part], begin, before, after, first == 0))
     return shifts
 
 
@@ -94,16 +97,15 @@ def _mean(values: FloatArray, like: FloatArray) -> FloatArray:
     return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
 
 
-def apply_shifts(readings: FloatArray, session: IntArray, shifts: Sequence[RowShift]) -> FloatArray:
-    """Readings (N, C) with the shifts put right in the rows that they name.
+def apply_shifts(readings: FloatArray, session: IntArray, shifts: Iterable[tuple[int, int]]) -> FloatArray:
+    """Readings (N, C) put right: of each shift, and row from which on it holds to the end of that row's session.
 
     Nan in the rows where a shift begins: a reading was left out or entered twice there.
     """
     out = readings.copy()
-    for shift in shifts:
-        first = int(shift.rows[0])
-        edge = np.arange(max(0, first - abs(shift.shift)), first)
+    for shift, first in shifts:
+        edge = np.arange(max(0, first - abs(shift)), first)
         out[edge[session[edge] == session[first]]] = np.nan
         rows = first + np.nonzero(session[first:] == session[first])[0]
-        out[rows] = shifted(readings, session, shift.shift)[rows]
+        out[rows] = shifted(readings, session, shift)[rows]
     return out

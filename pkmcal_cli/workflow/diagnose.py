@@ -138,7 +138,7 @@ def diagnosed(case: Case, alpha: float, seed: int, to: Listener) -> Diagnosis:
     if not case.mistakes:
         return _believed(made, (*case.hints, *doubts.commanded))
     verdict = made.verdict if made.findings or made.unknown else "measurement_fault"
-    return replace(made, verdict=verdict, mistakes=tuple(h.message for h in case.mistakes if h.columns))
+    return replace(made, verdict=verdict, mistakes=tuple(h.message for h in case.mistakes if h.mends))
 
 
 def _believed(made: Diagnosis, hints: tuple[str, ...]) -> Diagnosis:

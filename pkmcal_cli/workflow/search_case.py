@@ -31,7 +31,7 @@ from pkmcal_cli.workflow.determined import determined
 from pkmcal_cli.workflow.moved_frames import moved_warnings
 
 FEWEST_ROWS = 8  # with fewer, no effect is told from noise
-RIGHT = "searched with these columns put right; correct the table, or the machine file"
+RIGHT = "searched with the table put right; correct it, or the machine file"
 
 
 @dataclass(frozen=True, kw_only=True)

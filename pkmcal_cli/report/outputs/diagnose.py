@@ -11,8 +11,8 @@ verdict clean|found|ambiguous|unknown|measurement_fault|sigma_too_small|implausi
     `unknown`, `measurement_fault`; `sigma_too_small`: no cause is found, but the stated noise would leave residuals
     this large in fewer than 1 of 1000 tables; `implausible`: no cause is found, but the calibration should not be
     believed
-mistakes[] text: gross mistakes of the table (columns exchanged, reversed in sign, in a wrong unit) that were put right
-    before it was searched; the verdict is then never `clean`
+mistakes[] text: gross mistakes of the table (columns exchanged, reversed in sign, in a wrong unit, readings in wrong
+    rows) that were put right before it was searched; the verdict is then never `clean`
 implausible[] text: why not, as in `calibrate`, or that it does not converge; empty with every other verdict
 sigma text: noise on which the tests are based: `stated`, or `estimated` if the residuals show more, or much less
 sigma_factor number: ratio of noise to stated sigma
