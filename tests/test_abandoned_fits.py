@@ -69,17 +69,17 @@ def test_rows_without_a_prediction_are_not_looked_for(monkeypatch: pytest.Monkey
     assert done.code == 1 and not sought and "11 of 40 rows are not used" in done.err
 
 
-@pytest.mark.parametrize(("more", "in_doubt"), [((), True), (("--accept",), False)])
+@pytest.mark.parametrize(("more", "wrong_table"), [((), True), (("--accept",), False)])
 def test_who_accepts_readings_has_them_fitted(
-    more: tuple[str, ...], in_doubt: bool, monkeypatch: pytest.MonkeyPatch
+    more: tuple[str, ...], wrong_table: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     told: list[bool] = []
     plain = calibration.calibrated
 
     def asked(*given: Any, **options: Any) -> Any:
-        told.append(options["in_doubt"])
+        told.append(options["wrong_table"])
         return plain(*given, **options)
 
     monkeypatch.setattr(calibration, "calibrated", asked)
     run("calibrate", *exchanged("five-bar", "q1", "q2"), "-o", "p.yaml", *more)
-    assert told == [in_doubt]
+    assert told == [wrong_table]

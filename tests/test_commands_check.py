@@ -93,7 +93,7 @@ def test_rows_out_of_reach_and_gross_mistakes_are_faults() -> None:
     lines = Path(TRIGLIDE_DATA).read_text().splitlines()
     Path("m.csv").write_text("\n".join([lines[0].replace("x [mm],y [mm]", "y [mm],x [mm]"), *lines[1:50]]) + "\n")
     done = run("check", TRIGLIDE, "m.csv", "--json")
-    assert done.code == 1 and "`x` looks like `y`" in done.json["faults"][0]["message"]
+    assert done.code == 1 and "`x` and `y` look swapped" in done.json["faults"][0]["message"]
     Path("far.csv").write_text("id,q1,q2,q3,x,y\nk1,117,9603,947,360,275\nk2,117,603,947,360,275\n")
     far = run("check", TRIGLIDE, "far.csv", "--json")
     assert far.code == 1

@@ -19,7 +19,7 @@ from pkmcal_cli.calibration.datum import Datum
 from pkmcal_cli.calibration.error_budget import ErrorBudget, error_budget, held_parameters
 from pkmcal_cli.calibration.estimated_ranges import far_from_held, with_estimated_ranges
 from pkmcal_cli.calibration.fit import Fit
-from pkmcal_cli.calibration.identify import NOTHING, identify
+from pkmcal_cli.calibration.identify import NOTHING, STEPS, identify
 from pkmcal_cli.calibration.intervals import (
     Intervals,
     Method,
@@ -98,29 +98,23 @@ def calibrated(
     states: WarmStart | None = None,
     tell: Callable[[str], None] | None = None,
     observe: Observer = unobserved,
-    in_doubt: bool = False,
+    steps: int = STEPS,
+    wrong_table: bool = False,
     gross: tuple[int, ...] = (),
 ) -> Calibration:
     """Calibrate from values (P,), with `states` of the rows there; session (N,): number of the session of each row.
 
     The problem in what is found is without the rows that nothing predicts. `tell` announces what takes longer;
-    `observe` is told the steps; in_doubt: the table shows a gross mistake, so that a fit from the start which does not
-    converge soon never will; gross: rows beyond all noise, without which a robust loss begins. Raises RowsFailed.
+    `observe` is told the steps; steps: that the fit from the start may take; wrong_table: whether it is given up where
+    it does not soon come near its end; gross: rows beyond all noise, without which a robust loss begins. Raises
+    RowsFailed.
     """
     problem = with_prior(problem, selected, options.prior, start)
     begun = problem if options.loss == "squares" else without_weight(problem, gross)
     first, agreement = identify_from(
-        begun,
-        selected,
-        start,
-        options.starts,
-        options.seed,
-        tell,
-        states=states,
-        observe=observe,
-        workers=options.workers,
-        in_doubt=in_doubt,
-    )
+        begun, selected, start, options.starts, options.seed, tell, states=states, observe=observe,
+        workers=options.workers, steps=steps, wrong_table=wrong_table,
+    )  # fmt: skip
     first = steady_fit(problem.without(first.failed), first)
     robust = _with_loss(problem.without(first.failed), first, options)
     held = held_parameters(problem, selected, () if datum is None else datum.held)

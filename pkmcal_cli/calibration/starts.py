@@ -29,9 +29,8 @@ from pkmcal_cli.prediction import WarmStart
 
 ON_FAILURE = 8  # starts that are tried when the first one fails, or ends in a fit of chi-square above
 _STEPS = 25  # of further starts; those that end well take fewer than ten
-_STEPS_IN_DOUBT = 15  # of a first fit that never ends well if it does not soon ...
-_SOON = 5  # ... and that is near its end by then
 _HOPELESS = 1e6  # chi-square per degree of freedom: a thousand times noise, where damped steps lead nowhere soon
+_SOON = 5  # steps after which a fit of a wrong table is given up that has not led below this
 _DOUBTFUL = 100.0  # per degree of freedom: ten times noise is a missing effect, or the wrong one of several minima
 
 
@@ -54,18 +53,18 @@ def identify_from(
     states: WarmStart | None = None,
     observe: Observer = unobserved,
     workers: Workers = ALONE,
-    in_doubt: bool = False,
+    steps: int = STEPS,
+    wrong_table: bool = False,
 ) -> tuple[Fit, Agreement | None]:
-    """The best fit of `count` starts, the first one as given (P,), with `states` of the rows there.
+    """The best fit of `count` starts, the first one as given (P,), with `states` of the rows there; see `calibrated`.
 
-    Raises RowsFailed where none can be predicted. With `count` 0 one start that fails, or explains nothing, is helped
-    by further ones, which `tell` announces; in_doubt: see `calibrated`.
+    Raises RowsFailed where none can be predicted. With `count` 0 one that fails, or explains nothing, is helped.
     """
     observe(Stage("fit"))
     first: Fit | None = None
     failure: RowsFailed | None = None
     try:
-        steps, patience = _first(problem, in_doubt)
+        patience = Patience(_HOPELESS * problem.count, _SOON) if wrong_table else Patience()
         progress = partial(_fitted, observe)
         first = identify(problem, selected, start, steps, progress=progress, states=states, patience=patience)
         first = _centred(problem, selected, start, first)
@@ -84,13 +83,6 @@ def identify_from(
         assert failure is not None
         raise failure
     return best, agreement
-
-
-def _first(problem: Problem, in_doubt: bool) -> tuple[int, Patience]:
-    """Steps and patience of the first fit: readings that look wrong are not worth a long one."""
-    if in_doubt:
-        return _STEPS_IN_DOUBT, Patience(_HOPELESS * problem.count, _SOON)
-    return STEPS, Patience()
 
 
 def best_of_starts(

@@ -120,7 +120,7 @@ def explain_columns(
         j = match.source
         if j not in matches and table.rest(j, i) < BETTER * table.before[j]:
             matches[j] = table.match(j, i)  # it stays, and cannot tell by itself that they are swapped
-    corrected = measured.copy()
+    corrected, matches = measured.copy(), dict(sorted(matches.items()))
     for i, match in matches.items():
         corrected[:, i] = match.factor * measured[:, match.source]
     hints = [*_rings(table, matches), *_exchanges(table, matches), *_rescaled(table, matches)]

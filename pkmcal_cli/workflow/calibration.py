@@ -14,7 +14,7 @@ from pkmcal_cli.base.stages import Observer
 from pkmcal_cli.calibration.complete_fit import Calibration, FitOptions, calibrated
 from pkmcal_cli.calibration.datum import Datum, with_held
 from pkmcal_cli.calibration.frame_start import at_frames
-from pkmcal_cli.calibration.identify import RowsFailed
+from pkmcal_cli.calibration.identify import STEPS, RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate
@@ -49,6 +49,8 @@ from pkmcal_cli.workflow.unsolved_rows import unsolved
 
 if TYPE_CHECKING:
     from pkmcal_cli.pictures.picture import Picture
+
+_STEPS_IN_DOUBT = 15  # of a fit that a hint has made implausible already
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,6 +183,7 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
     known = states.at_same_values()
     sample = sample_at(s.loaded, s.problem, s.start.values, known)
     hints = measurement_hints(s.loaded, s.problem, s.start.values, s.measured, known, sample)
+    wrong_table = bool(hints) and not s.request.accept
     if not hints and s.request.fit_options.loss == "squares":
         hints = rows_far_off(sample, s.measured)
     for hint in (*hints, *copied_rows(s.problem, s.measured)):
@@ -195,11 +198,11 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
         hints = (*hints, *spoilt(odd, beyond, row_origin, to))
     else:
         s = replace(s, problem=without_readings(s.problem, odd, to))
-    if hints:  # no start mends a wrong column
+    if hints:  # no start mends a wrong column, and what does not converge soon never will
         options = replace(options, starts=options.starts or 1)
-    in_doubt = bool(hints) and not s.request.accept
+    steps = _STEPS_IN_DOUBT if hints else STEPS
     with to.stages() as observe:
-        robust_fit = _fit(s, states, options, to, observe, in_doubt=in_doubt, gross=beyond.rows)
+        robust_fit = _fit(s, states, options, to, observe, steps=steps, wrong_table=wrong_table, gross=beyond.rows)
         del states, known  # of a long table they are large
         fit = robust_fit.robust.fit
         s = replace(s, problem=s.problem.without(fit.failed))
@@ -273,23 +276,16 @@ def _fit(
     to: Listener,
     observe: Observer,
     *,
-    in_doubt: bool,
+    steps: int,
+    wrong_table: bool,
     gross: tuple[int, ...],
 ) -> Calibration:
     try:
         calibration = calibrated(
-            s.problem,
-            s.selected,
-            start=s.start.values,
-            options=options,
-            session=np.asarray(s.measured.session),
-            datum=s.datum,
-            states=states,
-            tell=to.say,
-            observe=observe,
-            in_doubt=in_doubt,
+            s.problem, s.selected, start=s.start.values, options=options, session=np.asarray(s.measured.session),
+            datum=s.datum, states=states, tell=to.say, observe=observe, steps=steps, wrong_table=wrong_table,
             gross=gross,
-        )
+        )  # fmt: skip
     except RowsFailed as failure:
         raise unsolved(s.measured, failure.evaluation.prediction) from None
     if calibration.agreement is not None:

@@ -264,7 +264,7 @@ def _proposed(loaded: LoadedMachine, campaign: _Campaign, goal: RequestedAim, bu
     promised = replace(goal, limit=outlook.promised(goal.limit))
     chosen, reached = fewest(campaign.problem, pool, chosen, promised, campaign.values, campaign.selected)
     needed = len(chosen.rows)
-    batch = chosen.rows[: _batch(needed, len(campaign.problem)) if reached.done else 0]
+    batch = chosen.rows[: _batch(needed, len(campaign.problem), campaign.noise > _NOISY) if reached.done else 0]
     reach = Reached(name, goal.limit, std, outlook.std(reached.after))
     added = Added(goal.aim, pool.take(batch), replace(chosen, rows=batch), reach)
     return NextPoints(
@@ -273,9 +273,13 @@ def _proposed(loaded: LoadedMachine, campaign: _Campaign, goal: RequestedAim, bu
     )  # fmt: skip
 
 
-def _batch(needed: int, done: int) -> int:
-    """How many points are measured before the rest is planned: never more than were, as a cause may show on the way."""
-    return needed if needed <= _ALL_AT_ONCE else min(math.ceil(needed / 2), done)
+def _batch(needed: int, done: int, noisy: bool) -> int:
+    """How many points are measured before the rest is planned: never more than were, as a cause may show on the way.
+
+    Where one shows, as many as it takes to look for it, then half as many as were: with it fewer rows do.
+    """
+    most = done if not noisy else FEWEST_TO_SPLIT - done if done < FEWEST_TO_SPLIT else done // 2
+    return needed if needed <= min(_ALL_AT_ONCE, most) else min(math.ceil(needed / 2), most)
 
 
 def _design_std(campaign: _Campaign, name: str) -> float:

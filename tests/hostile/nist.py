@@ -18,7 +18,7 @@ from unittest.mock import patch
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration import identify as identify_module
+from pkmcal_cli.calibration import predictable as predictable_module
 from pkmcal_cli.calibration import residual as residual_module
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
@@ -103,7 +103,8 @@ def _predict(
 @contextmanager
 def _regression() -> Iterator[None]:
     """Predictions are those of the formulas, and no drive has errors."""
-    nowhere = patch.object(identify_module, "errors_at_poses", lambda problem, *_: np.full((len(problem), 0), np.nan))
+    unknown = lambda problem, *_: np.full((len(problem), 0), np.nan)  # noqa: E731
+    nowhere = patch.object(predictable_module, "errors_at_poses", unknown)
     with patch.object(residual_module, "predict_with_derivatives", _predict), nowhere:
         yield
 
