@@ -78,6 +78,7 @@ def test_readings_in_wrong_rows_are_put_back(first: int, where: str, honest: Any
     assert done.code == 1 and done.json["verdict"] == "measurement_fault" and done.json["effects"] == []
     (told,) = done.json["mistakes"]
     assert told.startswith(f"the readings look shifted by one row{where}")
+    assert f"the measurement is at fault: {told.partition(': ')[0]}\n" in done.err, "whole, though places have colons"
     assert done.json["chi2_per_dof_before"] == pytest.approx(honest["chi2_per_dof_before"], rel=0.1)  # without a row
     machine = load_machine(TRIGLIDE)
     right, wrong = (load_measurements(machine, [f]) for f in (spoilt(tmp_path / "h.csv", lambda t: t), file))

@@ -17,14 +17,15 @@ _LEAD = 30  # steps of a fit of those rows that can be predicted
 
 
 def states_at(evaluation: Evaluation) -> WarmStart | None:
-    """States of its rows, from which others near it begin; of rows whose drives disagree far, that they fail."""
+    """Its rows whose drives disagree so far that no values of the parameters help: they fail near it too; or None."""
     return evaluation.start.hopeless(_HOPELESS)
 
 
 def led(problem: Problem, scale: Scaled, first: Evaluation, hopeless: float) -> Evaluation:
     """Where all rows can be predicted: the start, or where fits of the rows that can be lead to.
 
-    Where these do not lead to more and more rows, the evaluation that has fewest lost rows.
+    Where these do not lead to more and more rows, the evaluation that has fewest lost rows. hopeless: chi-square above
+    which such a fit is given up that needs much damping.
     """
     evaluation = nearest(problem, scale, first)
     while not evaluation.solved:

@@ -15,16 +15,17 @@ def _curve(at: Inputs, *sizes: Any) -> Any:
     return sum(size * shape for size, shape in zip(sizes, shapes, strict=True))
 
 
+def _harmonics(phase: Any, c1: Any, s1: Any, c2: Any, s2: Any) -> Any:
+    return c1 * np.cos(phase) + s1 * np.sin(phase) + c2 * np.cos(2 * phase) + s2 * np.sin(2 * phase)
+
+
 def _wave(at: Inputs, c: Any, s: Any, c2: Any, s2: Any) -> Any:
-    phase = 2 * np.pi * at.travel / at.option("period")
-    first = c * np.cos(phase) + s * np.sin(phase)
-    return first + c2 * np.cos(2 * phase) + s2 * np.sin(2 * phase)
+    return _harmonics(2 * np.pi * at.travel / at.option("period"), c, s, c2, s2)
 
 
 def _eccentric(at: Inputs, c1: Any, s1: Any, c2: Any, s2: Any) -> Any:
-    angle = at.travel  # of the joint, whatever the gear between it and the motor: turns of the motor are a `pitch`
-    first = c1 * (np.cos(angle) - 1) + s1 * np.sin(angle)
-    return first + c2 * (np.cos(2 * angle) - 1) + s2 * np.sin(2 * angle)
+    # the angle is that of the joint, whatever the gear between it and the motor: turns of the motor are a `pitch`
+    return _harmonics(at.travel, c1, s1, c2, s2) - c1 - c2
 
 
 def _unwinding(at: Inputs, b: Any) -> Any:

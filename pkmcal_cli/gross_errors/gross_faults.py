@@ -264,14 +264,14 @@ def _shifted(sample: Sample, channels: list[int], sessions: IntArray, row_origin
     some[:, channels] = readings[:, channels]
     shifts = find_row_shifts(some, predicted, sample.rows, sessions, sample.seen)
     right = readings.copy()
-    right[:, channels] = apply_shifts(some, sessions, ((s.shift, s.first) for s in shifts))[:, channels]
+    right[:, channels] = apply_shifts(some, sessions, ((s.shift, s.first, s.unsure) for s in shifts))[:, channels]
     seen, corrected = (sample.seen(table[sample.rows], predicted) for table in (readings, right))
     alike = len({s.shift for s in shifts}) == 1 and all(s.whole for s in shifts)
     every = alike and len(shifts) == len(np.unique(sessions))
     shown = shifts[:1] if every else shifts
     names, _ = _named(sample)
     whose = "" if len(channels) == len(names) else " of " + ", ".join(f"`{names[k]}`" for k in channels)
-    moved = tuple(MovedReadings(tuple(names[k] for k in channels), s.shift, s.first) for s in shifts)
+    moved = tuple(MovedReadings(tuple(names[k] for k in channels), s.shift, s.first, s.unsure) for s in shifts)
     hints = tuple(
         _row_hint(sample, s, whose, "" if every else _where(s, row_origin), moved if every else (m,))
         for s, m in zip(shown, moved, strict=False)

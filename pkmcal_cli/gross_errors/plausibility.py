@@ -41,11 +41,15 @@ class Right:
 
 @dataclass(frozen=True)
 class MovedReadings:
-    """Readings of columns that stand in wrong rows: those of a session from row `first` on are `shift` rows further."""
+    """Readings of columns that stand in wrong rows: those of a session from row `first` on are `shift` rows further.
+
+    unsure: how many rows before that nobody can tell the readings of.
+    """
 
     names: tuple[str, ...]
     shift: int
     first: int
+    unsure: int
 
 
 @dataclass(frozen=True, kw_only=True)

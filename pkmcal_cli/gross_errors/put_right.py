@@ -47,6 +47,7 @@ def _rows_right(measured: Measurements, moved: Sequence[MovedReadings]) -> Measu
         columns = [measured.channels.index(name) for name in each.names if name in measured.channels]
         values, sigma = measured.readings.copy(), measured.sigma.copy()
         for array in (values, sigma):
-            array[:, columns] = apply_shifts(array[:, columns], measured.session, [(each.shift, each.first)])
+            shift = each.shift, each.first, each.unsure
+            array[:, columns] = apply_shifts(array[:, columns], measured.session, [shift])
         measured = replace(measured, readings=values, sigma=sigma)
     return measured

@@ -18,17 +18,19 @@ SHIFTS = (1, -1, 2, -2)
 _FEWEST = 6  # rows that a shift must explain: fewer may agree by chance
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RowShift:
     """Rows `rows` (numbers in the table) take the readings `shift` rows further on.
 
-    first: number of the row from which on all of the session do; before, after: rms (C,) of measured less predicted in
+    first: number of the row from which on all of the session do; unsure: how many rows before it may, or hold a reading
+    that was left out or entered twice; before, after: rms (C,) of measured less predicted in
     these rows, SI; whole: whether all rows of the session.
     """
 
     shift: int
     rows: IntArray
     first: int
+    unsure: int
     before: FloatArray
     after: FloatArray
     whole: bool
@@ -64,7 +66,13 @@ def find_row_shifts(
             part = in_session[first:]
             before, after = (np.sqrt(_mean(residual[k][part] ** 2, residual[shift][part])) for k in (0, shift))
             begin = int(np.nonzero(session == number)[0][0]) if first == 0 else int(rows[part[0]])
-            shifts.append(RowShift(shift, rows[part], begin, before, after, first == 0))
+            gap = 0 if first == 0 else begin - int(rows[in_session[first - 1]]) - 1  # rows that were not looked at
+            shifts.append(
+                RowShift(
+                    shift=shift, rows=rows[part], first=begin, unsure=gap + abs(shift), before=before, after=after,
+                    whole=first == 0,
+                )
+            )  # fmt: skip
     return shifts
 
 
@@ -97,14 +105,11 @@ def _mean(values: FloatArray, like: FloatArray) -> FloatArray:
     return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
 
 
-def apply_shifts(readings: FloatArray, session: IntArray, shifts: Iterable[tuple[int, int]]) -> FloatArray:
-    """Readings (N, C) put right: of each shift, and row from which on it holds to the end of that row's session.
-
-    Nan in the rows where a shift begins: a reading was left out or entered twice there.
-    """
+def apply_shifts(readings: FloatArray, session: IntArray, shifts: Iterable[tuple[int, int, int]]) -> FloatArray:
+    """Readings (N, C) put right: shift, row from which on it holds to the end of its session, how many before are nan."""
     out = readings.copy()
-    for shift, first in shifts:
-        edge = np.arange(max(0, first - abs(shift)), first)
+    for shift, first, unsure in shifts:
+        edge = np.arange(max(0, first - unsure), first)
         out[edge[session[edge] == session[first]]] = np.nan
         rows = first + np.nonzero(session[first:] == session[first])[0]
         out[rows] = shifted(readings, session, shift)[rows]

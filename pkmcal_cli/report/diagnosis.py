@@ -107,8 +107,8 @@ class DiagnosisReport(VisibilityReport):
         return f"diagnosis: {self._provisional()}{verdict}\n{residuals}"
 
     def _mistakes(self) -> str:
-        """Columns of the table that were put right."""
-        texts = [text.partition(":")[0] for text in self.diagnosis.mistakes]
+        """What of the table was put right, without the evidence."""
+        texts = [text.partition(": ")[0] for text in self.diagnosis.mistakes]
         if not texts:
             return ""
         return f"{': ' if self.diagnosis.verdict == 'measurement_fault' else '; besides, '}{listed(texts, 3)}"
