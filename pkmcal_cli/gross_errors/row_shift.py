@@ -106,7 +106,7 @@ def _mean(values: FloatArray, like: FloatArray) -> FloatArray:
 
 
 def apply_shifts(readings: FloatArray, session: IntArray, shifts: Iterable[tuple[int, int, int]]) -> FloatArray:
-    """Readings (N, C) put right by shifts: rows, from which row of a session on, and how many before that become nan."""
+    """Readings (N, C) put right by shifts: rows, from which row of a session on, how many before that become nan."""
     out = readings.copy()
     for shift, first, unsure in shifts:
         edge = np.arange(max(0, first - unsure), first)
