@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +10,15 @@ import pytest
 import yaml
 
 from pkmcal_cli.calibration import identify, step
+from pkmcal_cli.calibration.fit import ABANDONED
+from pkmcal_cli.calibration.measured_problem import problem_of
+from pkmcal_cli.calibration.residual import evaluate
+from pkmcal_cli.calibration.selection import select
+from pkmcal_cli.loading.load_machine import load_machine, load_measurements
+from pkmcal_cli.prediction import solving
 from pkmcal_cli.workflow import calibration
 from tests.command import MACHINES, clean, run
+from tests.hangprinter_cases import measured
 
 ENOUGH = 4 * 3
 """Trials of four steps, each refused twice before; a fit to the end takes 45 and more."""
@@ -67,6 +75,26 @@ def test_rows_without_a_prediction_are_not_looked_for(monkeypatch: pytest.Monkey
     monkeypatch.setattr(identify, "led", lambda *given: sought.append(given) or given[2])
     done = clean(run("calibrate", *exchanged("five-bar", "q1", "q2"), "-o", "p.yaml"))
     assert done.code == 1 and not sought and "11 of 40 rows are not used" in done.err
+
+
+def test_what_is_lost_at_some_values_is_not_looked_for_again_at_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    machine, table = exchanged("five-bar", "q1", "q2")
+    loaded = load_machine(str(machine))
+    problem = problem_of(loaded.model, load_measurements(loaded, [table]))
+    first = evaluate(problem, problem.model.nominal)
+    lost = ~first.prediction.solved
+    assert lost.sum() == 11
+    monkeypatch.setattr(solving, "_from_reference", lambda *given: pytest.fail("looked for"))
+    again = evaluate(problem, problem.model.nominal, None, first.start.at_same_values())
+    assert (again.prediction.solved == ~lost).all()
+    assert again.prediction.values[~lost] == pytest.approx(first.prediction.values[~lost], abs=1e-12)
+
+
+def test_an_abandoned_fit_is_none_even_where_chi_square_stood_still() -> None:
+    problem, _ = measured("2021-12-16")
+    settled = identify.identify(problem, select(problem.model, "auto"))
+    fit = replace(settled, status="not_converged", flat=True)
+    assert fit.usable and not replace(fit, stopped=ABANDONED).usable
 
 
 @pytest.mark.parametrize(("more", "wrong_table"), [((), True), (("--accept",), False)])

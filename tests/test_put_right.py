@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,9 @@ import pytest
 
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.gross_errors.hints import suspicions
-from pkmcal_cli.gross_errors.plausibility import Hint, Right
+from pkmcal_cli.gross_errors.plausibility import Hint, MovedReadings, Right
 from pkmcal_cli.gross_errors.put_right import put_right
+from pkmcal_cli.gross_errors.row_shift import apply_shifts, find_row_shifts
 from pkmcal_cli.loading.load_machine import load_machine, load_measurements
 from tests.campaign_tables import true_values, write_table
 from tests.command import MACHINES, Done, clean, run
@@ -88,6 +90,30 @@ def test_readings_in_wrong_rows_are_put_back(first: int, where: str, honest: Any
     known = np.isfinite(back.readings)
     np.testing.assert_array_equal(back.readings[known], right.readings[known])
     np.testing.assert_array_equal(back.actuators, right.actuators)
+
+
+def test_what_rows_state_of_their_readings_moves_with_these(tmp_path: Path) -> None:
+    machine = load_machine(TRIGLIDE)
+    honest = load_measurements(machine, [spoilt(tmp_path / "h.csv", lambda t: t)])
+    stated = np.arange(1.0, len(honest) + 1)[:, None] * np.array([1e-6, 1e-5])  # (N, C), m
+    moved = MovedReadings(("x", "y"), shift=-1, first=0, unsure=1)
+    hint = Hint(kind="rows", names=("x",), message="", before=1.0, after=0.0, moved=(moved,))
+    back = put_right(replace(honest, sigma=stated), [hint])
+    assert back is not None
+    np.testing.assert_array_equal(back.sigma[1:], stated[:-1])
+    np.testing.assert_array_equal(back.readings[1:], honest.readings[:-1])
+
+
+def test_rows_that_nobody_looked_at_are_not_put_back() -> None:
+    """Of a long table every third row is looked at; from row 40 on each has the reading of the next one."""
+    true = np.random.default_rng(1).normal(size=(90, 1))
+    readings = np.concatenate([true[:40], true[41:], true[-1:]])
+    rows, session = np.arange(0, 90, 3), np.zeros(90, dtype=int)
+    (shift,) = find_row_shifts(readings, true[rows], rows, session, lambda measured, _: measured)
+    back = apply_shifts(readings, session, [(shift.shift, shift.first, shift.unsure)])
+    known = np.isfinite(back)
+    np.testing.assert_array_equal(back[known], true[known])
+    assert known.sum() >= 90 - 2 * 3
 
 
 def test_a_column_that_stays_is_exchanged_back(tmp_path: Path) -> None:

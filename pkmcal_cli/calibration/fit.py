@@ -51,7 +51,7 @@ class Fit:
     @property
     def usable(self) -> bool:
         """Whether the fit has converged, or chi-square at least: parameters that hardly matter may still wander."""
-        return self.status == "converged" or (self.status == "not_converged" and self.flat)
+        return self.status == "converged" or (self.status == "not_converged" and self.flat and not self.abandoned)
 
     @property
     def shift(self) -> Array:

@@ -140,7 +140,7 @@ def _identified(
         selected, end = (), evaluate_condensed(way.kept, first.values, (), first.start)
     fit = _finished(way.kept, selected, first, last=end, status=_STATUS[stopped], count=steps, failed=lost)
     stopped = "nothing" if fit.status == NOTHING else stopped
-    return replace(fit, stopped=stopped, flat=bool(selected) and _flat([*way.chi2, fit.chi2]))
+    return replace(fit, stopped=stopped, flat=_flat([*way.chi2, fit.chi2]))
 
 
 @dataclass(frozen=True, kw_only=True)
