@@ -26,6 +26,7 @@ actuators: {q1: {turns: fork}, q2: {turns: tilt, zero: z}}
 sensors: {level: {at: head, reads: [rx, ry, rz], sigma: 5 arcsec, frame: fitted}}
 workspace: {box: {rz: [-60, 60], ry: [-40, 40]}}
 """
+UNITS = {"urad": 1e-6, "mrad": 1e-3, "deg": np.deg2rad(1.0), "rad": 1.0}
 ARCSEC = float(np.deg2rad(1 / 3600))
 E_, Z = 2e-3, np.deg2rad(0.07)
 FRAME = exp(np.array([2.4, -0.9, 1.1]))
@@ -75,8 +76,28 @@ def test_an_instrument_of_orientations_starts_where_its_readings_put_it(head: st
     before = result["before"]["orientation"]
     true = orientation(poses(1)) @ orientation(poses(1), 0.0, 0.0).transpose(0, 2, 1)
     left = np.linalg.norm(log(true), axis=1)
-    unit = {"urad": 1e-6, "mrad": 1e-3, "deg": np.deg2rad(1.0), "rad": 1.0}[before["unit"]]
-    assert before["rms"] * unit < 1.5 * np.sqrt((left**2).mean())
+    assert before["rms"] * UNITS[before["unit"]] < 1.5 * np.sqrt((left**2).mean())
+
+
+def test_a_point_that_stays_does_not_tell_how_the_instrument_is_turned(head: str, tmp_path: Path) -> None:
+    """The middle of the head, read besides: the rotation between points that are one is anything, up to half a turn."""
+    each = "sigma: {x: 5 um, y: 5 um, z: 5 um, rx: 5 arcsec, ry: 5 arcsec, rz: 5 arcsec}"
+    text = HEAD.replace("reads: [rx, ry, rz], sigma: 5 arcsec", f"reads: [x, y, z, rx, ry, rz], {each}")
+    Path(head).write_text(text, encoding="utf-8")
+    lines = Path(table(tmp_path / "m.csv", poses(1), 1)).read_text(encoding="utf-8").splitlines()
+    places = np.array([120.0, -45.0, 300.0]) + 5e-3 * np.random.default_rng(5).normal(size=(len(lines) - 1, 3))  # mm
+    rows = [f"{x:.5f},{y:.5f},{z:.5f},{line}" for (x, y, z), line in zip(places, lines[1:], strict=True)]
+    (tmp_path / "p.csv").write_text("\n".join([f"x [mm],y [mm],z [mm],{lines[0]}", *rows, ""]), encoding="utf-8")
+    result = run("calibrate", head, tmp_path / "p.csv", "--holdout", "none", "--json").json
+    before = result["before"]["orientation"]
+    assert result["status"] == "converged" and before["rms"] * UNITS[before["unit"]] < 5e-3
+    assert result["before"]["position"]["rms"] < 20, "um"
+
+
+def test_errors_seen_from_anywhere_are_those_of_poses_to_each_other(head: str, tmp_path: Path) -> None:
+    params = fitted(head, tmp_path, "a", 1)
+    done = run("check", head, table(tmp_path / "b.csv", poses(7), 7), "-p", params)
+    assert "Errors are those of poses to each other: the instrument stands anywhere" in done.err
 
 
 def test_an_angle_is_a_tolerance_of_orientations(head: str, tmp_path: Path) -> None:
