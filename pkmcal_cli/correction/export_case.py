@@ -102,7 +102,7 @@ class ExportCase:
 
     def sides(self, set_values: Array) -> NDArray[np.int_]:
         """Sides (n, D) from which drives are approached at set values (n, A): 1, -1, 0 unknown."""
-        rows = self._directed(set_values)
+        rows = self.directed(set_values)
         columns = [rows.columns[f"dir.{self.model.actuators[a].name}"] for a in self.drives]
         return np.stack(columns, axis=1).astype(int)
 
@@ -112,7 +112,8 @@ class ExportCase:
         columns = [self.made.rows.columns[f"dir.{a.name}"][self.usable] for a in self.model.actuators]
         return np.stack(columns, axis=1).astype(int)
 
-    def _directed(self, set_values: Array) -> Rows:
+    def directed(self, set_values: Array) -> Rows:
+        """Rows (n,) at set values (n, A), in the circumstances of the targets and with sides by their order."""
         rows = replace(self.circumstances, readings=set_values)
         return with_directions(rows, self.model.drive_names)
 
@@ -151,7 +152,7 @@ class ExportCase:
 
     def installed(self, draft: Draft) -> StrainedPose:
         """The machine with a draft installed: a prediction from scratch, as by `simulate`."""
-        return self.tool.at(draft.values, self._directed(draft.commands), self.targets)
+        return self.tool.at(draft.values, self.directed(draft.commands), self.targets)
 
     def unit(self, drive: int) -> Unit:
         """In which unit controls count a drive: mm, in for files in inches, deg."""

@@ -13,8 +13,10 @@ from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.export_case import Draft, ExportCase, Format
 from pkmcal_cli.correction.strained_pose import StrainedPose
+from pkmcal_cli.loading.poses import RowOrigin
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.correction_figures import NOTHING, largest, rms, shown
+from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.report.number_format import finite, three_digits
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
@@ -23,6 +25,7 @@ _NO_ENERGY = 1e-12  # J: rounding
 _ROUNDING = 1e-3  # um or urad: nothing
 _LEAST = 1e-9  # m or rad: by which an error has to grow to be larger
 _FOLDS, _FEWEST = 5, 10  # parts of the targets; targets
+_OF_A_LIMIT = 0.01  # of forces and tensions, by which digits of an export may miss what corrected set values keep to
 BEFORE, EXPORT, CORRECTED = "before", "export", "corrected"
 
 
@@ -84,6 +87,22 @@ class ExportReport:
         means = (float(e[~np.isnan(e)].mean()) if (~np.isnan(e)).any() else float("nan") for e in energies)
         return dict(zip((BEFORE, EXPORT, CORRECTED), (m if not m < _NO_ENERGY else 0.0 for m in means), strict=True))
 
+    @cached_property
+    def _loads(self) -> Loads:
+        """What drives and ropes bear with the export."""
+        model, rows = self.case.model, self.case.directed(self.draft.commands)
+        start = self._installed.prediction.start
+        return Loads.of(model, self.draft.values, rows, self._row_origin, start, _OF_A_LIMIT)
+
+    def _row_origin(self, row: int) -> RowOrigin:
+        return RowOrigin(None, row + 1, f"target {self.case.names[row]}")
+
+    def _strain_texts(self) -> list[str]:
+        """What drives and ropes may not bear with the export; which ropes hang loose."""
+        loads, by = self._loads, f"with `{self.format.keyword}`"
+        texts = [text.replace("warning: ", f"warning: {by}: ", 1) for text in loads.warnings]
+        return texts + [f"warning: {by}: {text}" for text in loads.notes]
+
     def _columns(self, kind: str) -> list[int]:
         turning = self.case.tool.turning
         return [k for k, angular in enumerate(turning) if angular == (kind == "orientation")]
@@ -123,7 +142,7 @@ class ExportReport:
                 f"standard uncertainty {'unknown' if np.isnan(u) else _text(u, unit)}"
             )
             out += [text] if (text := self._apart_text(kind)) else []
-        out += [f"note: {note}" for note in self.draft.notes]
+        out += [*(f"note: {note}" for note in self.draft.notes), *self._strain_texts()]
         return out + [f"specification: {source}" for source in self.format.sources]
 
     def show(self, to: Reporter, files: Sequence[str]) -> None:
@@ -155,6 +174,8 @@ class ExportReport:
         for kind, _ in self.kinds:
             if rms(self._sizes(EXPORT, kind)) > rms(self._sizes(BEFORE, kind)) + _LEAST:
                 to.warn(f"warning: with `{self.format.keyword}` the error of the {kind} is larger than before")
+        for text in self._strain_texts():
+            to.warn(text)
         if self.lost:
             to.warn(f"warning: no pose of the machine with `{self.format.keyword}` at {count(self.lost, 'target')}")
         if files:
@@ -179,6 +200,7 @@ class ExportReport:
             "n_lost": self.lost,
             "remaining": remaining,
             "strain_energy": {variant: finite(value) for variant, value in self._energies.items()},
+            "loads": self._loads.json(),
             "notes": list(self.draft.notes),
             "entries": [dict(entry) for entry in self.draft.entries],
         }

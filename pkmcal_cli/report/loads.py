@@ -56,9 +56,10 @@ def limited(model: Model) -> bool:
 
 @dataclass(kw_only=True)
 class Loads:
-    """A tally over the rows of a model, filled block by block."""
+    """A tally over the rows of a model, filled block by block; lacking: share of a limit by which it may be missed."""
 
     model: Model
+    lacking: float = 0.0
     total: int = 0
     over: dict[str, _Worst] = field(default_factory=dict)  # by actuator
     low_tension: dict[str, _Worst] = field(default_factory=dict)  # by rope; values are negative tensions
@@ -76,9 +77,10 @@ class Loads:
         rows: Rows,
         row_origin: Callable[[int], RowOrigin],
         start: WarmStart | None = None,
+        lacking: float = 0.0,
     ) -> Loads:
         """The loads of rows at parameter values (P,), SI."""
-        loads = cls(model=model)
+        loads = cls(model=model, lacking=lacking)
         loads.add(values, rows, predict(model, values, rows, Request(forces=limited(model)), start), row_origin)
         return loads
 
@@ -119,10 +121,10 @@ class Loads:
     ) -> None:
         """Forces (N, A) above limits and tensions (N, R) below theirs."""
         for k, actuator in enumerate(self.model.actuators):
-            over = solved & (forces[:, k] > actuator.force_limit)
+            over = solved & (forces[:, k] > (1.0 + self.lacking) * actuator.force_limit)
             self.over.setdefault(actuator.name, _Worst()).add(over, forces[:, k], row_origin)
         for k, rope in enumerate(self.model.least_tensions):
-            below = solved & rope.missed(tensions[:, k])
+            below = solved & rope.missed(tensions[:, k], self.lacking)
             self.low_tension.setdefault(rope.name, _Worst()).add(below, -tensions[:, k], row_origin)
 
     def _add_disagreement(self, prediction: Prediction, row_origin: Callable[[int], RowOrigin]) -> None:

@@ -111,6 +111,21 @@ export.remaining.KIND.unit text:
 export.strain_energy.before number?: mean strain energy, J, of the same three
 export.strain_energy.export number:
 export.strain_energy.corrected number:
+export.loads.force_limit[].actuator text: as `loads`, with the export; 1 % beyond a limit is allowed
+export.loads.force_limit[].limit number?:
+export.loads.force_limit[].n_rows integer:
+export.loads.force_limit[].largest number?:
+export.loads.force_limit[].row text?: target with the largest
+export.loads.t_min[].rope text:
+export.loads.t_min[].limit number?:
+export.loads.t_min[].n_rows integer:
+export.loads.t_min[].least number:
+export.loads.t_min[].row text?:
+export.loads.disagreement.n_rows integer:
+export.loads.disagreement.largest number?:
+export.loads.disagreement.row text?:
+export.loads.slack.n_rows integer:
+export.loads.slack.ropes.ROPE integer:
 export.notes[] text: what the export holds for
 export.entries[].parameter text: `--as adjust`: an adjustable parameter
 export.entries[].what text: what is adjusted
