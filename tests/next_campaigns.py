@@ -132,7 +132,7 @@ def grown(case: Case, seed: int, folder: Path) -> Run:
     true = drawn_machine(rng)
     readings = machine.inverse(grid((*BOX[0], 3), (*BOX[1], 3)))
     values, file = measured(readings, case, seed, true, rng), folder / f"{seed}.csv"
-    asked = machine_file(folder / "boxed.yaml")
+    asked, tried = machine_file(folder / "boxed.yaml"), 0
     while True:
         file.write_text(table(readings, values), encoding="utf-8")
         found = next_points(
@@ -141,9 +141,10 @@ def grown(case: Case, seed: int, folder: Path) -> Run:
         )  # fmt: skip
         if found.status != "continue":
             break
-        if found.advice == "improve" and (better := improved(asked, file)) != asked:
-            asked = better
-            continue
+        if found.advice == "improve" and tried < len(readings):
+            tried, before = len(readings), asked
+            if (asked := improved(asked, file)) != before:
+                continue
         more = np.round(found.added.points.rows.readings, 9)
         readings = np.vstack([readings, more])
         values = np.vstack([values, measured(more, case, seed, true, rng)])

@@ -96,6 +96,7 @@ def test_what_they_add_after_further_rows_is_foreseen() -> None:
         by_held=np.array([40e-6, 0.0, 0.0]),
         held=HELD,
         noise=1.0,
+        advice="",
     )
     share = moved(every) / moved(some)
     assert campaign.held_after(others, "l3") == pytest.approx(40e-6 * share, rel=0.02)

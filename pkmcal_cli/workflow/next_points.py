@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,6 @@ from pkmcal_cli.calibration.unknown_sides import with_unknown_sides
 from pkmcal_cli.diagnosis.experiment_design import best_points, whitened_blocks, with_rows
 from pkmcal_cli.diagnosis.hypotheses import candidates_of
 from pkmcal_cli.diagnosis.linear import linear_problem
-from pkmcal_cli.diagnosis.rotations import FEWEST_TO_SPLIT
 from pkmcal_cli.gross_errors.hints import nothing_measured
 from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine, load_measurements, load_parameters
 from pkmcal_cli.model.model import Model
@@ -38,18 +37,13 @@ from pkmcal_cli.report.parameters import parameter_unit
 from pkmcal_cli.workflow.approaches import Approaches
 from pkmcal_cli.workflow.arguments import selection
 from pkmcal_cli.workflow.candidate_points import candidate_points
+from pkmcal_cli.workflow.next_batch import IN_WORDS, Advice, advice, batch
 from pkmcal_cli.workflow.outlook import Outlook, held_std
 from pkmcal_cli.workflow.plan_aims import RequestedAim, fewest, requested_aim
 from pkmcal_cli.workflow.unsolved_rows import unsolved
 
 _POOL = 1000
-_ALL_AT_ONCE = 4  # points: of more that are needed, half are measured before the rest is planned
 _NEAR = 0.05  # of a drive's travel in the table: points so near to one that could not be measured are not proposed
-_NOISY = 1.5  # times the stated noise, from which on it is worth a word
-_ADVICE = {
-    "diagnose": "`pkmcal diagnose` looks for a cause",
-    "improve": "`pkmcal improve` looks for a cause; with the machine that it writes fewer rows may do",
-}
 _NO_WORKSPACE = (
     "help: candidate points lie around the measured ones; declare `workspace:` in the machine file to use all of it"
 )
@@ -64,6 +58,7 @@ class NextPoints:
     rows: int
     budget: int
     noise: float
+    advice: Advice  # the command that looks for a cause where there is more than noise
     added: Added
     ways: Approaches
     needed: int
@@ -78,13 +73,6 @@ class NextPoints:
         if self.added.reached.before <= self.added.reached.limit:
             return "reached"
         return "continue" if len(self.added.points) else "not_reached"
-
-    @property
-    def advice(self) -> Literal["", "diagnose", "improve"]:
-        """The command that looks for a cause where there is more than noise: of few rows none can be added."""
-        if self.noise <= _NOISY:
-            return ""
-        return "improve" if self.rows >= FEWEST_TO_SPLIT else "diagnose"
 
     @property
     def rows_to_append(self) -> Rows:
@@ -109,7 +97,7 @@ class NextPoints:
             more = f"about {count(self.needed, 'further row')} needed (then {after} expected)"
             to.say(f"continue: {known}, {aim}; {more}; next {len(self.added.points)}:")
         if self.advice:
-            to.warn(f"warning: residuals are {self.noise:.2g} times the stated noise: {_ADVICE[self.advice]}")
+            to.warn(f"warning: residuals are {self.noise:.2g} times the stated noise: {IN_WORDS[self.advice]}")
         if len(self.added.points):
             self.added.show_points(to, self.loaded.model)
             self._show_session(to)
@@ -212,11 +200,13 @@ class _Campaign:
     by_held: Array
     held: tuple[str, ...]
     noise: float
+    advice: Advice
 
     @classmethod
     def of(cls, problem: Problem, fit: Calibration) -> _Campaign:
         """Of a table, and its fit."""
         done = np.nonzero(problem.measured.any(axis=1))[0]
+        noise = float(fit.budget.scales.typical_noise.max()) ** 0.5
         return cls(
             problem=problem.take(done),
             lost=np.delete(problem.rows.readings, done, axis=0),
@@ -225,7 +215,8 @@ class _Campaign:
             std=fit.intervals.std,
             by_held=fit.budget.std_by_held,
             held=fit.budget.held,
-            noise=float(fit.budget.scales.typical_noise.max()) ** 0.5,
+            noise=noise,
+            advice=advice(noise, fit.robust.fit.dof, len(done)),
         )
 
     @property
@@ -264,22 +255,14 @@ def _proposed(loaded: LoadedMachine, campaign: _Campaign, goal: RequestedAim, bu
     promised = replace(goal, limit=outlook.promised(goal.limit))
     chosen, reached = fewest(campaign.problem, pool, chosen, promised, campaign.values, campaign.selected)
     needed = len(chosen.rows)
-    batch = chosen.rows[: _batch(needed, len(campaign.problem), campaign.noise > _NOISY) if reached.done else 0]
+    first = chosen.rows[: batch(needed, len(campaign.problem), campaign.advice) if reached.done else 0]
     reach = Reached(name, goal.limit, std, outlook.std(reached.after))
-    added = Added(goal.aim, pool.take(batch), replace(chosen, rows=batch), reach)
+    added = Added(goal.aim, pool.take(first), replace(chosen, rows=first), reach)
+    value = float(campaign.values[campaign.problem.model.names.index(name)])
     return NextPoints(
-        loaded=loaded, rows=len(campaign.problem), budget=budget, noise=campaign.noise, added=added,
-        ways=ways.take(batch), needed=needed, value=float(campaign.values[campaign.problem.model.names.index(name)]),
+        loaded=loaded, rows=len(campaign.problem), budget=budget, noise=campaign.noise, advice=campaign.advice,
+        added=added, ways=ways.take(first), needed=needed, value=value,
     )  # fmt: skip
-
-
-def _batch(needed: int, done: int, noisy: bool) -> int:
-    """How many points are measured before the rest is planned: never more than were, as a cause may show on the way.
-
-    Where one shows, as many as it takes to look for it, then half as many as were: with it fewer rows do.
-    """
-    most = done if not noisy else FEWEST_TO_SPLIT - done if done < FEWEST_TO_SPLIT else done // 2
-    return needed if needed <= min(_ALL_AT_ONCE, most) else min(math.ceil(needed / 2), most)
 
 
 def _design_std(campaign: _Campaign, name: str) -> float:
