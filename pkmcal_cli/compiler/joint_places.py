@@ -1,4 +1,4 @@
-"""Where joints are and along what they turn or slide, also those at the ends of beams, in any state."""
+"""Where joints are and along what they turn or slide, also ends of beams and pulleys, in any state."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.compiler.joints import joint_triad
+from pkmcal_cli.compiler.rope_path import pulley_axis
 from pkmcal_cli.compiler.structure import Structure
 from pkmcal_cli.language.machine import End, Joint
 from pkmcal_cli.mechanism.topology import GROUND
@@ -21,7 +22,9 @@ _OWN_AXES = {
 
 
 def joint_places(structure: Structure) -> dict[str, JointPlace]:
-    """Joints by name, ends of beams that are joints by beam and end (`NAME.i`, `NAME.j`); fixed ends too."""
+    """Joints by name, ends of beams by beam and end (`NAME.i`, `NAME.j`; also fixed ones), pulleys by rope and
+    point (`NAME.POINT`).
+    """
     frames = {entry[4]: number for number, entry in enumerate(structure.builder.rotations)}
     out = {}
     for name, kind, joint, between in _all(structure):
@@ -33,6 +36,10 @@ def joint_places(structure: Structure) -> dict[str, JointPlace]:
             for side, column in _OWN_AXES.get(kind, ())
         )
         out[name] = JointPlace(kind, structure.point(between[0]), axes, tuple(dict.fromkeys(nodes)))
+    for rope, spec in structure.machine.ropes.items():
+        for at, pulley in spec.pulleys.items():
+            about = () if pulley.axis is None else (_carried(structure, at, pulley_axis(structure, pulley)),)
+            out[f"{rope}.{at}"] = JointPlace("pulley", structure.point(at), about, (at,))
     return out
 
 
@@ -50,7 +57,12 @@ def _axis(structure: Structure, frames: dict[str, int], side: tuple[str, int], n
     name, number = side
     labels = (f"{name}.axis", f"{name}.{'ij'[number]}.axis")
     tilted = next((frames[label] for label in labels if label in frames), None)
-    owner = structure.owner.get(node, node)
-    carrier = structure.rotations.get(owner, GROUND) if tilted is None else structure.builder.carriers[tilted]
-    along = structure.orientation(carrier).T @ axis
-    return (carrier if tilted is None else tilted), along
+    if tilted is None:
+        return _carried(structure, node, axis)
+    carrier = structure.builder.carriers[tilted]
+    return tilted, structure.orientation(carrier).T @ axis
+
+
+def _carried(structure: Structure, node: str, axis: Array) -> Axis:
+    rotation = structure.rotations.get(structure.owner.get(node, node), GROUND)
+    return rotation, structure.orientation(rotation).T @ axis

@@ -27,6 +27,7 @@ SYMBOLS: dict[str, dict[str, Any]] = {
     "node": {"marker": "o", "mfc": FITTED, "mec": FITTED, "ms": 3},
     "fixed": {"marker": "s", "mfc": FITTED, "mec": FITTED, "ms": 3.5},
     "spherical": {"marker": "o", "mfc": "0.6", "mec": FITTED, "ms": 5},
+    "pulley": {"marker": "o", "mfc": "none", "mec": FITTED, "ms": 10},
     "revolute": {"marker": "o", "ms": 4.5} | _WHITE,
     "prismatic": {"marker": "s", "ms": 5} | _WHITE,
     "cylindrical": {"marker": "h", "ms": 6} | _WHITE,
@@ -34,6 +35,7 @@ SYMBOLS: dict[str, dict[str, Any]] = {
     "universal": {"marker": "X", "ms": 6} | _WHITE,
 }
 """Marks of points by what they are: the base, free nodes, and joints by type, those below over those above."""
+_WIDER = ("base", "pulley")  # than the mark of a drive
 _SEEN = 0.15  # of its length: an axis that is shorter in a view points at the beholder
 
 
@@ -58,7 +60,7 @@ def symbols(shape: MachineShape, shown: Shape) -> dict[str, list[Array]]:
         out[joint.type].append(shape.symbol(name, shown))
     tool = [] if shape.tool is None else [places[shape.tool]]
     over = [*tool, *(shape.at_drive(drive, shown) for drive in shape.readings)]
-    return {k: [at for at in every if k == "base" or not shape.at_one_of(at, over)] for k, every in out.items()}
+    return {k: [at for at in every if k in _WIDER or not shape.at_one_of(at, over)] for k, every in out.items()}
 
 
 def _at_node(shape: MachineShape, name: str) -> bool:

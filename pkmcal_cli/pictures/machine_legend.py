@@ -10,6 +10,7 @@ from pkmcal_cli.compiler.layout import members
 from pkmcal_cli.pictures.joint_symbols import AXIS_LINE, SYMBOLS, axes_on_page, symbols
 from pkmcal_cli.pictures.picture import AFTER, BEFORE, FITTED, NOISE, OTHER
 from pkmcal_cli.pictures.shapes import MachineShape
+from pkmcal_cli.pictures.titles import shortened
 from pkmcal_cli.pictures.views import ABREAST, PLANE
 from pkmcal_cli.report.number_format import handy
 from pkmcal_cli.units.unit_text import parse_unit
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
 BODY = "#cfe0ee"
 GUIDE: dict[str, Any] = {"lw": 5, "color": "0.85", "solid_capstyle": "butt"}
+_NAME = 28  # characters
 _COLUMNS, _LINE, _BELOW = 2, 0.17, 0.05  # inches, of an entry and below all of them
 
 
@@ -77,8 +79,8 @@ def drive_marks(shape: MachineShape) -> dict[bool, tuple[str, str]]:
 
 def _kind_text(shape: MachineShape, kind: str) -> str:
     """What a mark of points or joints means."""
-    if kind in ("base", "node"):
-        return {"base": "base", "node": "node"}[kind]
+    if kind in ("base", "node", "pulley"):
+        return kind
     if kind == "fixed":
         return "fixed end or joint"
     ends = kind == ("revolute" if shape.planar else "spherical") and members(shape.machine)
@@ -94,5 +96,5 @@ def _mark(marker: str, colour: str, label: str) -> Line2D:
 def _tool_text(shape: MachineShape, tool: str) -> str:
     size = float(np.sqrt((shape.displacement(tool) ** 2).sum()))
     if size <= 1e-9 * shape.length:
-        return f"tool point {tool}"
-    return f"tool point {tool}, displaced by {handy(size, parse_unit('mm'))}"
+        return f"tool point {shortened(tool, _NAME)}"
+    return f"tool point {shortened(tool, _NAME)}, displaced by {handy(size, parse_unit('mm'))}"

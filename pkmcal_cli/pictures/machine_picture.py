@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _SHOWN = 0.08  # of the machine's size: the largest displacement as it is drawn, where no scale is given
 _TURN_SHOWN = 0.35  # rad
 _ROUND = (1.0, 2.0, 5.0)
-_LONG = 36  # characters, of names of points in one place
+_LONG = 28  # characters, of a name
 _THIN, _THICK = 1.2, 4.5  # points, of members by their force
 _SLIGHT = 1e-6  # of the largest force: no force
 
@@ -112,7 +112,8 @@ class _Drawing:
             self._skeleton(ax, self.shape.reference, reference=True)
         self._skeleton(ax, self.shown, reference=False)
         self._marks(ax)
-        taken = self._on_page(np.array(list(self.shown.places.values())))
+        symbols_at = [self.shape.symbol(name, self.shown) for name in self.shown.joints]
+        taken = self._on_page(np.array([*self.shown.places.values(), *symbols_at]))
         if self.view.names is None:
             taken = np.vstack([taken, self._triad(ax, taken)])
         put_labels(ax, self._labels(), taken, self._lines())
@@ -122,7 +123,8 @@ class _Drawing:
 
     def _lines(self) -> list[Array]:
         courses = [*self.shown.members.values(), *self.shown.guides.values()]
-        return [self._on_page(course) for course in courses]
+        axes = [axis for _, axis in axes_on_page(self.shape, self.shown, self.view)]
+        return [self._on_page(course) for course in [*courses, *axes]]
 
     def _triad(self, ax: Axes, taken: Array) -> Array:
         """The base's axes in that corner of a view without axes where least is; places (K, 2) where no label stands."""
@@ -210,27 +212,33 @@ class _Drawing:
         drives = {n: self._on_page(self.shape.at_drive(n, self.shown)) for n in self.shape.readings}
         green = "#00664b"
         if self.view.names is not None and not self.shape.planar:
-            return [Label(text=n, at=at, colour=green, bold=True, needed=False) for n, at in drives.items()]
-        out = [Label(text=self._drive_text(n), at=at, colour=green, size=9, bold=True) for n, at in drives.items()]
+            return [_label(n, at, green, bold=True, needed=False) for n, at in drives.items()]
+        out = [_label(n, at, green, self._drive_force(n), size=9, bold=True) for n, at in drives.items()]
         tool, places = self.shape.tool, self.shown.places
         if tool is not None:
-            out.append(Label(text=tool, at=self._on_page(places[tool]), colour="#a34700", bold=True))
+            out.append(_label(tool, self._on_page(places[tool]), "#a34700", bold=True))
         middle = {n: self._on_page(_middle(course)) for n, course in self.shown.members.items()}
         tensions = self.shape.tensions if self.forces else {}
-        out += [Label(text=f"{n} {newtons(tensions[n])}", at=at, size=7.5) for n, at in middle.items() if n in tensions]
-        out += [Label(text=n, at=at, size=7.5, colour="0.2", needed=False) for n, at in middle.items()
-                if n not in tensions]  # fmt: skip
-        shown = dict(axes_on_page(self.shape, self.shown, self.view))
-        out += [Label(text=n, at=self._on_page(self.shape.symbol(n, self.shown)), size=7.2, colour=AXIS, needed=False)
-                for n in shown if n in self.shape.machine.joints]  # fmt: skip
-        points = [(shortened(", ".join(n), _LONG), places[n[0]]) for n in self.shape.together if n[0] != tool]
-        out += [Label(text=n, at=self._on_page(at), size=7.2, colour="0.35", needed=False) for n, at in points]
+        pulled = {n: at for n, at in middle.items() if n in tensions}
+        out += [_label(n, at, "black", f" {newtons(tensions[n])}", size=7.5) for n, at in pulled.items()]
+        out += [_label(n, at, "0.2", size=7.5, needed=False) for n, at in middle.items() if n not in pulled]
+        turning = dict(axes_on_page(self.shape, self.shown, self.view))
+        hinges = {n: self.shape.symbol(n, self.shown) for n in turning if n in self.shape.machine.joints}
+        out += [_label(n, self._on_page(at), AXIS, size=7.2, needed=False) for n, at in hinges.items()]
+        points = {", ".join(names): places[names[0]] for names in self.shape.together if names[0] != tool}
+        out += [_label(n, self._on_page(at), "0.35", size=7.2, needed=False) for n, at in points.items()]
         return out
 
-    def _drive_text(self, name: str) -> str:
-        if not self.forces:
-            return name
-        return f"{name} {newtons(self.shape.forces[name], name in self.shape.turning)}"
+    def _drive_force(self, name: str) -> str:
+        return f" {newtons(self.shape.forces[name], name in self.shape.turning)}" if self.forces else ""
+
+
+def _label(
+    name: str, at: Array, colour: str, number: str = "", *, size: float = 8.0, bold: bool = False, needed: bool = True
+) -> Label:
+    """A name, shortened where it is long, and a number behind it."""
+    text = shortened(name, _LONG) + number
+    return Label(text=text, at=at, colour=colour, size=size, bold=bold, needed=needed)
 
 
 def newtons(force: float, turning: bool = False) -> str:
