@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from pkmcal_cli.calibration.identify import identify
@@ -24,7 +26,7 @@ from pkmcal_cli.pictures.simulation_picture import Simulated, simulation_picture
 from pkmcal_cli.pictures.titles import titles
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.units.file_units import FileUnits
-from tests.command import MACHINES, TRIGLIDE, TRIGLIDE_DATA
+from tests.command import MACHINES, TRIGLIDE, TRIGLIDE_DATA, run
 from tests.drawn import collisions, figure_of, lines
 from tests.pages import all_files, write
 from tests.test_draw_joints import EYE, PAGES, on_axis
@@ -104,3 +106,23 @@ def test_a_pulley_shows_what_it_swivels_about(tmp_path: Path) -> None:
         drawn = lines(figure, "axis-rope.top")
         for line, name in zip(drawn, ("isometric", "from above (xy)", "from the front (xz)"), strict=True):
             assert on_axis(line, PAGES[name] @ np.array([-1.0, 0, 0]), PAGES[name] @ at)
+
+
+def test_the_sheet_of_a_machine_that_only_turns_says_where_and_shows_what_is_left(tmp_path: Path) -> None:
+    """Without positions: orientations between which was measured, those of the table; residuals over the drives."""
+    machine, table, page = tmp_path / "m.yaml", tmp_path / "m.csv", tmp_path / "m.html"
+    machine.write_text(EYE, encoding="utf-8")
+    angles = [(a, b, c) for a in (-9, 0, 9) for b in (-7, 0, 7) for c in (-5, 0, 5)]
+    rows = "".join(f"{a},{b},{c}\n" for a, b, c in angles)
+    (tmp_path / "poses.csv").write_text(f"m1 [deg],m2 [deg],m3 [deg]\n{rows}", encoding="utf-8")
+    made = run("simulate", machine, tmp_path / "poses.csv", "--noise", "declared", "--seed", 1, "-o", table)
+    assert made.code == 0, made.err
+    measured = pd.read_csv(table)
+    assert run("report", machine, table, "-o", page).code in (0, 1)
+    text = page.read_text(encoding="utf-8")
+    found = re.search(r"Measured: 27 rows, rx (\S+) to (\S+) deg, ry .* deg, rz (\S+) to (\S+) deg\. The figures", text)
+    assert found is not None
+    rx, rz = measured["rx [deg]"], measured["rz [deg]"]
+    told = [float(number) for number in found.groups()]
+    assert told == pytest.approx([rx.min(), rx.max(), rz.min(), rz.max()], rel=1e-3)
+    assert "Residuals after calibration over the reading of each drive" in text and "residual of orientation" in text
