@@ -16,6 +16,7 @@ from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.loading.load_machine import load_machine, load_measurements
 from pkmcal_cli.loading.poses import reference_poses
 from pkmcal_cli.pictures.analysis_pictures import PlannedPositions, plan_picture, sensitivity_picture
+from pkmcal_cli.pictures.dot_list import Dot, Scale, dot_part
 from pkmcal_cli.pictures.machine_picture import machine_picture
 from pkmcal_cli.pictures.machine_shape import machine_shape
 from pkmcal_cli.pictures.parts import composed
@@ -92,6 +93,16 @@ def test_what_moves_nothing_has_no_panel(tmp_path: Path) -> None:
     with figure_of(picture) as (figure, texts):
         assert len([ax for ax in figure.axes if ax.get_xlabel()]) == 1
         assert any("mean rotation" in t.text for t in texts) and not any("mean shift" in t.text for t in texts)
+
+
+def test_a_list_without_any_value_has_no_scale() -> None:
+    """As of a plan of one point, which shows nothing: names and remarks only."""
+    rows = [Dot(name=name, value=np.nan, text="never") for name in ("backlash@q1", "scale@q1")]
+    for logarithmic in (True, False):
+        part = dot_part(rows, Scale(label="size", logarithmic=logarithmic, line=1.0))
+        with figure_of(composed("p", TITLES, "", [part])) as (_, texts):
+            assert [t.text for t in texts if t.text.replace(".", "").isdigit()] == []
+            assert sum(t.text == "never" for t in texts) == 2
 
 
 def test_a_pulley_shows_what_it_swivels_about(tmp_path: Path) -> None:

@@ -28,13 +28,10 @@ def joint_places(structure: Structure) -> dict[str, JointPlace]:
     frames = {entry[4]: number for number, entry in enumerate(structure.builder.rotations)}
     out = {}
     for name, kind, joint, between in _all(structure):
-        chord = structure.position(structure.point(between[1])) - structure.position(structure.point(between[0]))
-        triad = joint_triad(structure, joint, chord if chord.any() else np.array([0.0, 0.0, 1.0]))
         nodes = between if isinstance(joint, Joint) else (between[0], between[0])
-        axes = tuple(
-            _axis(structure, frames, (name, side), nodes[side], triad[:, column])
-            for side, column in _OWN_AXES.get(kind, ())
-        )
+        columns = _OWN_AXES.get(kind, ())
+        triad = _triad(structure, joint, between) if columns else np.eye(3)
+        axes = tuple(_axis(structure, frames, (name, side), nodes[side], triad[:, k]) for side, k in columns)
         out[name] = JointPlace(kind, structure.point(between[0]), axes, tuple(dict.fromkeys(nodes)))
     for rope, spec in structure.machine.ropes.items():
         for at, pulley in spec.pulleys.items():
@@ -50,6 +47,11 @@ def _all(structure: Structure) -> Iterator[tuple[str, str, Joint | End, tuple[st
     for name, beam in structure.machine.beams.items():
         for side, end in enumerate(beam.ends):
             yield f"{name}.{'ij'[side]}", end.joint, end, (beam.between[side], beam.between[1 - side])
+
+
+def _triad(structure: Structure, joint: Joint | End, between: tuple[str, str]) -> Array:
+    chord = structure.position(structure.point(between[1])) - structure.position(structure.point(between[0]))
+    return joint_triad(structure, joint, chord if chord.any() else np.array([0.0, 0.0, 1.0]))
 
 
 def _axis(structure: Structure, frames: dict[str, int], side: tuple[str, int], node: str, axis: Array) -> Axis:
