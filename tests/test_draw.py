@@ -13,7 +13,8 @@ from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine
 from pkmcal_cli.loading.poses import reference_poses
 from pkmcal_cli.pictures.machine_picture import default_scale, machine_picture
-from pkmcal_cli.pictures.machine_shape import MachineShape, machine_shape
+from pkmcal_cli.pictures.machine_shape import machine_shape
+from pkmcal_cli.pictures.shapes import MachineShape
 from pkmcal_cli.pictures.text_machine import text_machine
 from pkmcal_cli.pictures.titles import titles
 from pkmcal_cli.prediction import Rows
@@ -121,12 +122,12 @@ def test_a_guide_is_drawn_over_the_limits_of_its_drive(ratio: float, tmp_path: P
 
 
 def test_the_legend_tells_every_mark() -> None:
-    """Of the shipped gantry: bars of guides, circles of joints; nothing that is not drawn."""
+    """Of the shipped gantry: bars of guides, welded ends of the beam; nothing that is not drawn."""
     shape = strained(loaded(str(MACHINES / "gantry.yaml")))
     assert isinstance(shape, MachineShape)
     with figure_of(machine_picture(shape, titles("gantry", "", []))) as (figure, _):
         entries = {text.get_text() for text in figure.legends[0].get_texts()}
-    assert {"guide", "joint or end of a member", "drive"} <= entries and not {"base", "node"} & entries
+    assert {"guide, arrow: travel grows", "fixed end or joint", "drive"} <= entries and not {"base", "node"} & entries
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pkmcal_cli.compiler.joint_places import joint_places
 from pkmcal_cli.compiler.structure import Structure
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.quantities import Quantity
@@ -24,7 +25,8 @@ def layout_of(structure: Structure, vectors: int) -> Layout:
     whole = {name: tuple(parts) for name, parts in pieces.items()}
     points = {n: structure.point(n) for n in names}
     used = {n: p for n, p in points.items() if all(offset < vectors for _, _, offset in p.offsets)}
-    return Layout(used, dict(structure.rails.guides), whole)
+    joints = {n: j for n, j in joint_places(structure).items() if j.between[0] in used}
+    return Layout(used, dict(structure.rails.guides), whole, joints)
 
 
 def members(machine: Machine[Quantity, float]) -> dict[str, tuple[str, ...]]:

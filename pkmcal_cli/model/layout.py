@@ -24,13 +24,28 @@ class Piece:
     bends: bool
 
 
+Axis = tuple[int, Array]
+"""A rotation and the unit vector (3,) that it carries, in its axes."""
+
+
+@dataclass(frozen=True)
+class JointPlace:
+    """A joint: its type, its point, its axes (two of a universal joint), and the names of the points that it joins."""
+
+    type: str
+    point: Point
+    axes: tuple[Axis, ...]
+    between: tuple[str, ...]
+
+
 @dataclass(frozen=True)
 class Layout:
-    """What can be drawn of a machine: points of nodes, bodies and the base, guides, elements by member."""
+    """What can be drawn of a machine: points of nodes, bodies and the base, guides, elements by member, joints."""
 
     points: Mapping[str, Point]
     rails: Mapping[str, Rail]
     pieces: Mapping[str, tuple[Piece, ...]]
+    joints: Mapping[str, JointPlace]
 
 
 @dataclass(frozen=True)

@@ -16,12 +16,12 @@ from pkmcal_cli.model.model import Model
 from pkmcal_cli.pictures.dot_list import Dot, Scale, dot_part
 from pkmcal_cli.pictures.parts import Part, composed, shown_unit
 from pkmcal_cli.pictures.picture import Picture
-from pkmcal_cli.pictures.scatter import Cloud, planes, scatter_part
+from pkmcal_cli.pictures.scatter import Cloud, moving, scatter_part
 from pkmcal_cli.pictures.titles import Titles
 from pkmcal_cli.report.analysis_report import held_by_range
 from pkmcal_cli.report.number_format import NEVER, handy, three_digits
 from pkmcal_cli.report.parameters import parameter_unit
-from pkmcal_cli.units.unit_text import Unit
+from pkmcal_cli.units.file_units import FileUnits
 
 _STATUS = ("detectable", "weak", "invisible")
 
@@ -33,8 +33,11 @@ def sensitivity_picture(
     if coordinate is not None:
         parts = [_along_part(result, model, coordinate)]
     else:
-        parts = [_sizes_part(result, model, "position", "length", "mean shift of the tool point")]
-        if any(ranked(p.orientation) for p in result.parameters):
+        moves, turns = (any(ranked(getattr(p, k)) for p in result.parameters) for k in ("position", "orientation"))
+        parts = [] if turns and not moves else [
+            _sizes_part(result, model, "position", "length", "mean shift of the tool point")
+        ]  # fmt: skip
+        if turns:
             parts.append(_sizes_part(result, model, "orientation", "angle", "mean rotation of the tool point"))
     first = ", ".join(p.name for p in result.parameters[:5])
     alt = f"Sensitivity of the tool point to {len(result.parameters)} parameters; most influential: {first}."
@@ -97,19 +100,21 @@ def observability_picture(result: Observability, model: Model, titles: Titles) -
 
 @dataclass(frozen=True)
 class PlannedPositions:
-    """Positions (N, K), m, of planned points and of those that are added, in coordinates of the tool point."""
+    """Poses (N, K), m and rad, of planned points and of those that are added, in coordinates of the tool point."""
 
     planned: Array
     added: Array
     names: tuple[str, ...]
 
 
-def plan_picture(plan: Plan | None, titles: Titles, length: Unit, places: PlannedPositions | None) -> Picture:
+def plan_picture(plan: Plan | None, titles: Titles, units: FileUnits, places: PlannedPositions | None) -> Picture:
     """Where the points are; what they detect, by the smallest size as a share of what is plausible."""
     parts, sentences = [], []
-    if places is not None and len(places.planned) + len(places.added) and planes(places.names):
-        clouds = [Cloud("planned", places.planned), Cloud("added", places.added)]
-        parts.append(scatter_part([c for c in clouds if len(c.at)], places.names, length))
+    columns = [] if places is None else moving(places.names, np.vstack([places.planned, places.added]))
+    if places is not None and len(places.planned) + len(places.added) and len(columns) > 1:
+        names, unit = [places.names[k] for k in columns], units.angle if columns[0] else units.length
+        clouds = [Cloud("planned", places.planned[:, columns]), Cloud("added", places.added[:, columns])]
+        parts.append(scatter_part([c for c in clouds if len(c.at)], names, unit))
         sentences.append(f"{len(places.planned)} points planned, {len(places.added)} added")
     if plan is not None and plan.visibilities:
         parts.append(_detected_part(plan))

@@ -12,7 +12,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.assessment import Assessment
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.pictures.error_map import PlaneErrors, errors_in_words, map_part
-from pkmcal_cli.pictures.parts import Part, composed, dots, shown_unit, thinned
+from pkmcal_cli.pictures.parts import Part, brief, composed, dots, over_rows, shown_unit, thinned
 from pkmcal_cli.pictures.picture import LOOKS, NOISE, Picture
 from pkmcal_cli.pictures.titles import Titles
 from pkmcal_cli.units.unit_text import Unit, parse_unit
@@ -90,17 +90,14 @@ def _moved_part(moved: Sequence[_Moved]) -> Part:
     shown = None if name else shown_unit(dimension, largest)
 
     def draw(figure: SubFigure) -> None:
-        from matplotlib.ticker import MaxNLocator
-
         ax = figure.add_subplot()
         ax.axhline(0, color=NOISE, lw=0.8)
         for (colour, marker), one in zip(LOOKS, moved, strict=False):
             rows = thinned(len(one.by), _SHOWN)
-            dots(ax, rows + 1, one.by[rows] / (shown or one.unit).scale, colour, marker, one.name)
-        ax.set_xlabel("target")
+            dots(ax, rows + 1, one.by[rows] / (shown or one.unit).scale, colour, marker, brief(one.name))
         ax.set_ylabel(f"change of set value [{name if shown is None else shown.text}]")
-        ax.xaxis.set_major_locator(MaxNLocator(integer=True))
         ax.margins(0.04, 0.1)
+        over_rows(ax, "target", len(moved[0].by))
         ax.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
 
     return Part(2.4, draw)

@@ -18,7 +18,7 @@ from pkmcal_cli.pictures.parts import Part, composed, plain_log, size_text
 from pkmcal_cli.pictures.picture import AFTER, BEFORE, FITTED, NOISE, Picture, write_picture
 from pkmcal_cli.pictures.residual_picture import kind_part
 from pkmcal_cli.pictures.shape_picture import shape_in_words, shape_part
-from pkmcal_cli.pictures.titles import Titles, plain
+from pkmcal_cli.pictures.titles import Titles, plain, shortened
 from pkmcal_cli.report.number_format import three_digits
 from pkmcal_cli.units.file_units import FileUnits
 from pkmcal_cli.units.measurands import Measurand
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
 
+_NAME = 36  # characters
 _ROUND = 0.02  # spread of the radius below which poses lie on a circle
 _CALIBRATED, _WITH, _SHAPED = "calibrated", "with effects found", "with the curve found"
 
@@ -217,7 +218,7 @@ def _limit(ax: Axes, y: Array, fitted: Array) -> int:
 def waterfall_part(diagnosis: Diagnosis) -> Part:
     """What is left of the residual, step by step, as dots on one axis that ends at the noise."""
     shares = waterfall(diagnosis)
-    names, sizes = [plain(s.name) for s in shares], np.array([s.noise for s in shares])
+    names, sizes = [shortened(plain(s.name), _NAME) for s in shares], np.array([s.noise for s in shares])
 
     def draw(figure: SubFigure) -> None:
         ax = figure.add_subplot()
@@ -253,10 +254,11 @@ def rivals_part(diagnosis: Diagnosis) -> Part:
             ax.plot([0, near.cosine], [row, row], color="0.85", lw=1, zorder=1)
             ax.plot(near.cosine, row, marker=marker, ms=6, mfc=face, mec=colour, ls="none", gid=f"rival-{row}")
             left = near.cosine > 0.5
-            ax.annotate(f"{plain(near.rival)}  {near.cosine:.2f}", (near.cosine, row), xytext=(-8 if left else 8, 0),
+            text = f"{shortened(plain(near.rival), _NAME)}  {near.cosine:.2f}"
+            ax.annotate(text, (near.cosine, row), xytext=(-8 if left else 8, 0),
                         textcoords="offset points", va="center", ha="right" if left else "left", fontsize=8,
                         bbox={"fc": "white", "ec": "none", "pad": 0.5})  # fmt: skip
-        ax.set_yticks(range(len(rivals)), [plain(near.name) for near in rivals])
+        ax.set_yticks(range(len(rivals)), [shortened(plain(near.name), _NAME) for near in rivals])
         ax.grid(axis="y", visible=False)
         ax.set_xlabel("effect found, and the one most similar to it: cosine between them (open: not told apart here)")
 

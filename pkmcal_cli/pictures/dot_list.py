@@ -64,6 +64,9 @@ def dot_part(rows: Sequence[Dot], scale: Scale) -> Part:
             beside = ax.secondary_yaxis("right")
             beside.set_yticks(range(len(shown)), [shortened(plain(d.text), _TEXT) for d in shown])
             beside.tick_params(length=0)
+        if not any(math.isfinite(d.value) for d in shown):  # a scale of nothing
+            ax.set_xticks([], minor=False)
+            ax.set_xticks([], minor=True)
         more = f"; {len(rows) - len(shown)} more are not shown" if len(rows) > len(shown) else ""
         ax.set_xlabel(scale.label + more)
 

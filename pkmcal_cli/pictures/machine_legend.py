@@ -7,8 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pkmcal_cli.compiler.layout import members
-from pkmcal_cli.pictures.machine_shape import MachineShape
+from pkmcal_cli.pictures.joint_symbols import AXIS_LINE, SYMBOLS, axes_on_page, symbols
 from pkmcal_cli.pictures.picture import AFTER, BEFORE, FITTED, NOISE, OTHER
+from pkmcal_cli.pictures.shapes import MachineShape
+from pkmcal_cli.pictures.titles import shortened
+from pkmcal_cli.pictures.views import ABREAST, PLANE
 from pkmcal_cli.report.number_format import handy
 from pkmcal_cli.units.unit_text import parse_unit
 
@@ -16,32 +19,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-GROUND, BODY = "#d9d9d9", "#cfe0ee"
+BODY = "#cfe0ee"
 GUIDE: dict[str, Any] = {"lw": 5, "color": "0.85", "solid_capstyle": "butt"}
-POINTS: dict[str, dict[str, Any]] = {
-    "base": {"marker": "^", "mfc": GROUND, "mec": FITTED, "ms": 6},
-    "node": {"marker": "o", "mfc": FITTED, "mec": FITTED, "ms": 3},
-    "joint or end of a member": {"marker": "o", "mfc": "white", "mec": FITTED, "ms": 4},
-}
-_AT = 1e-6  # of the machine's size: as near is the same place
+_NAME = 28  # characters
 _COLUMNS, _LINE, _BELOW = 2, 0.17, 0.05  # inches, of an entry and below all of them
-
-
-def marked_points(shape: MachineShape) -> dict[str, list[str]]:
-    """Names of points that are marked, by what they are (keys of `POINTS`); the tool point has a mark of its own."""
-    base, nodes = shape.machine.ground, shape.machine.nodes
-    between = [p for names in members(shape.machine).values() for p in names]
-    ends = [n for n in dict.fromkeys([*between, *shape.joints]) if n not in base and n not in nodes]
-    marked = {"base": list(base), "node": list(nodes), "joint or end of a member": ends}
-    shown = {n for n in shape.actual.places if n != shape.tool and not _covered(shape, n)}
-    return {kind: [n for n in names if n in shown] for kind, names in marked.items()}
-
-
-def _covered(shape: MachineShape, name: str) -> bool:
-    """Whether the mark of a drive lies on a point."""
-    at = shape.actual.places[name]
-    drives = (shape.at_drive(drive, shape.actual) for drive in shape.readings)
-    return any(float(np.linalg.norm(at - drive)) <= _AT * shape.length for drive in drives)
 
 
 def legend_height(shape: MachineShape, forces: bool) -> float:
@@ -65,24 +46,45 @@ def _entries(shape: MachineShape, factor: float, forces: bool) -> list[Line2D]:
     from matplotlib.lines import Line2D
 
     out: list[Line2D] = []
-    if shape.largest[1]:
+    if shape.moved:
         out.append(Line2D([], [], color=NOISE, lw=0.9, ls=(0, (4, 2)), label="where the control believes it to be"))
         text = f"where it is, displacements {factor:g} x" if factor != 1 else "where it is, at true scale"
         out.append(Line2D([], [], color=FITTED, lw=1.6, label=text))
     else:
         out.append(Line2D([], [], color=FITTED, lw=1.6, label="not displaced: as the control believes it to be"))
-    if shape.readings:
-        out.append(_mark("s", OTHER, "drive"))
+    out += [_mark(marker, OTHER, label) for marker, label in drive_marks(shape).values()]
     if shape.actual.guides:
-        out.append(Line2D([], [], label="guide", **GUIDE))
-    points = {kind: names for kind, names in marked_points(shape).items() if names}
-    out += [Line2D([], [], ls="none", mew=0.8, label=kind, **POINTS[kind]) for kind in points]
+        out.append(Line2D([], [], label="guide, arrow: travel grows", **GUIDE))
+    kinds = [kind for kind, places in symbols(shape, shape.actual).items() if places]
+    middle = {"base": {"marker": "^", "ms": 7}}  # of the legend's line
+    for kind in kinds:
+        style = SYMBOLS[kind] | middle.get(kind, {})
+        out.append(Line2D([], [], ls="none", mew=0.8, label=_kind_text(shape, kind), **style))
+    if any(axes_on_page(shape, shape.actual, view) for view in ((PLANE,) if shape.planar else ABREAST)):
+        out.append(Line2D([], [], label="axis of a joint, arrow: positive", **AXIS_LINE))
     if shape.tool is not None:
         out.append(_mark("D", BEFORE, _tool_text(shape, shape.tool)))
     if forces and any(shape.tensions.values()):
         out.append(Line2D([], [], color=AFTER, lw=3, label="pulls (+)"))
         out.append(Line2D([], [], color=BEFORE, lw=3, ls=(0, (3, 0.8)), label="pushes (-)"))
     return out
+
+
+def drive_marks(shape: MachineShape) -> dict[bool, tuple[str, str]]:
+    """Marker and text of drives, by whether they turn; only of such as the machine has."""
+    turning = {name in shape.turning for name in shape.readings}
+    marks = {False: ("s", "drive"), True: ("H", "drive that turns" if len(turning) > 1 else "drive")}
+    return {turns: marks[turns] for turns in sorted(turning)}
+
+
+def _kind_text(shape: MachineShape, kind: str) -> str:
+    """What a mark of points or joints means."""
+    if kind in ("base", "node", "pulley"):
+        return kind
+    if kind == "fixed":
+        return "fixed end or joint"
+    ends = kind == ("revolute" if shape.planar else "spherical") and members(shape.machine)
+    return f"{kind} joint, end of a bar" if ends else f"{kind} joint"
 
 
 def _mark(marker: str, colour: str, label: str) -> Line2D:
@@ -94,5 +96,5 @@ def _mark(marker: str, colour: str, label: str) -> Line2D:
 def _tool_text(shape: MachineShape, tool: str) -> str:
     size = float(np.sqrt((shape.displacement(tool) ** 2).sum()))
     if size <= 1e-9 * shape.length:
-        return f"tool point {tool}"
-    return f"tool point {tool}, displaced by {handy(size, parse_unit('mm'))}"
+        return f"tool point {shortened(tool, _NAME)}"
+    return f"tool point {shortened(tool, _NAME)}, displaced by {handy(size, parse_unit('mm'))}"

@@ -8,8 +8,6 @@ values that are given, with effects, loads and strain. Between them lies what a 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -19,10 +17,10 @@ from pkmcal_cli.equilibrium.assembly import balance
 from pkmcal_cli.equilibrium.status import reason_of
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.quantities import Quantity
-from pkmcal_cli.language.tool_point import tool_point_of
 from pkmcal_cli.loading.load_machine import LoadedMachine
-from pkmcal_cli.model.layout import Layout, Placed
+from pkmcal_cli.model.layout import JointPlace, Layout, Placed
 from pkmcal_cli.model.model import Model
+from pkmcal_cli.pictures.shapes import JointShape, MachineShape, Shape
 from pkmcal_cli.prediction import Rows, configuration
 from pkmcal_cli.prediction.forces import drive_forces
 from pkmcal_cli.prediction.solving import Solution
@@ -30,92 +28,6 @@ from pkmcal_cli.prediction.solving import Solution
 _NO_FORCE = 1e-6  # N or N m
 _ENDLESS = 10.0  # sizes of the machine: limits so wide are no end of a guide
 _BEYOND = 0.08  # of the machine's size: how far a guide is drawn beyond its carriages
-_NOTHING = 1e-9  # of the machine's size: no displacement
-
-
-@dataclass(frozen=True)
-class Shape:
-    """Places (3,) of named points, courses (K, 3) of members and of guides; m, base axes."""
-
-    places: Mapping[str, Array]
-    members: Mapping[str, Array]
-    guides: Mapping[str, Array]
-
-    def towards(self, other: Shape, factor: float) -> Shape:
-        """This shape moved by `factor` times what the other is displaced from it."""
-        mixed = [
-            {name: one[name] + factor * (two[name] - one[name]) for name in one}
-            for one, two in ((self.places, other.places), (self.members, other.members), (self.guides, other.guides))
-        ]
-        return Shape(*mixed)
-
-    @property
-    def corners(self) -> Array:
-        """All points (K, 3) between which it lies."""
-        return np.vstack([*self.places.values(), *self.members.values(), *self.guides.values()])
-
-
-@dataclass(frozen=True, kw_only=True)
-class MachineShape:
-    """A machine in one row: where the control believes it to be, where it is, and what its parts carry.
-
-    drives: by name the point, member or joint that each acts on; forces: of drives, N or N m (`turning`); tensions:
-    axial forces of members, N, positive where they pull.
-    """
-
-    machine: Machine[Quantity, float]
-    length: float
-    reference: Shape
-    actual: Shape
-    readings: Mapping[str, float]
-    forces: Mapping[str, float]
-    turning: frozenset[str]
-    tensions: Mapping[str, float]
-
-    @property
-    def planar(self) -> bool:
-        """Whether it is a machine in the plane."""
-        return self.machine.space == "planar"
-
-    @property
-    def tool(self) -> str | None:
-        """Name of the tool point."""
-        tool_point = tool_point_of(self.machine)
-        return None if tool_point is None else tool_point.name
-
-    @cached_property
-    def bodies(self) -> dict[str, tuple[str, ...]]:
-        """Names of the points of each body, its own first."""
-        return {name: (name, *body.points) for name, body in self.machine.bodies.items()}
-
-    @cached_property
-    def joints(self) -> tuple[str, ...]:
-        """Names of points that lie in joints."""
-        return tuple(dict.fromkeys(joint.between[0] for joint in self.machine.joints.values()))
-
-    def displacement(self, name: str) -> Array:
-        """How far a point is from where the control believes it (3,), m."""
-        return np.asarray(self.actual.places[name] - self.reference.places[name])
-
-    @cached_property
-    def largest(self) -> tuple[str, float]:
-        """The point that is displaced most, and how far, m; 0 for what is rounding."""
-        sizes = {n: float(np.sqrt((self.displacement(n) ** 2).sum())) for n in self.reference.places}
-        name = max(sizes, key=lambda n: sizes[n], default="")
-        size = sizes.get(name, 0.0)
-        return name, size if size > _NOTHING * self.length else 0.0
-
-    def at_drive(self, name: str, shape: Shape) -> Array:
-        """Where a drive acts (3,): its carriage or crank, the middle of its member, its joint, its rope's start."""
-        actuator = self.machine.actuators[name]
-        if actuator.winds is not None:
-            return np.asarray(shape.members[next(iter(actuator.winds))][0])
-        target = actuator.target
-        if target in shape.members:
-            course = shape.members[target]
-            return np.asarray(0.5 * (course[(len(course) - 1) // 2] + course[len(course) // 2]))
-        joint = self.machine.joints.get(target)
-        return shape.places[joint.between[0] if joint is not None else target]
 
 
 def machine_shape(
@@ -178,7 +90,13 @@ def _shape(
         rail = layout.rails[name]
         origin, way = placed.position_of(rail.origin)[0], placed.direction(rail.tilted, rail.along)[0]
         guides[name] = np.array([origin + start * way, origin + end * way])
-    return Shape(places, courses, guides)
+    guides |= {name: courses[guide.beam] for name, guide in machine.guides.items() if guide.beam is not None}
+    return Shape(places, courses, guides, {name: _joint(joint, placed) for name, joint in layout.joints.items()})
+
+
+def _joint(joint: JointPlace, placed: Placed) -> JointShape:
+    axes = tuple(placed.direction(rotation, along)[0] for rotation, along in joint.axes)
+    return JointShape(joint.type, placed.position_of(joint.point)[0], axes)
 
 
 def _strokes(model: Model, readings: Array) -> dict[str, tuple[float, ...]]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.pictures.picture import Picture
-from pkmcal_cli.pictures.titles import Titles
+from pkmcal_cli.pictures.titles import Titles, plain, shortened
 from pkmcal_cli.report.number_format import plain_number, three_digits
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 WIDTH = 9.0
 """Inches, of every part."""
 _HEAD = 0.6  # inches, of the title
+_BRIEF = 20  # characters
 _NOTHING = 1e-12  # m, rad: rounding
 _FINER = {"m": "mm", "mm": "um", "rad": "mrad", "mrad": "urad", "kN": "N"}
 _STEPS = (
@@ -115,3 +116,17 @@ def thinned(count: int, most: int) -> Array:
 def dots(ax: Any, x: Array, y: Array, colour: str, marker: str, label: str | None = None) -> None:
     """Markers without lines, smaller where there are many."""
     ax.plot(x, y, ls="none", marker=marker, ms=4 if len(x) < 300 else 2, mfc=colour, mec="none", label=label)
+
+
+def over_rows(ax: Axes, label: str, count: int) -> None:
+    """The axis of `count` numbered rows: whole numbers, also where there is one row."""
+    from matplotlib.ticker import MaxNLocator
+
+    ax.set_xlabel(label)
+    ax.set_xlim(1 - (room := max(0.04 * count, 0.6)), count + room)
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
+
+
+def brief(name: str) -> str:
+    """A name as a legend, or an axis of one panel of several, has room for it."""
+    return shortened(plain(name), _BRIEF)

@@ -14,9 +14,9 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.pictures.error_map import errors_in_words, map_part, places_of
 from pkmcal_cli.pictures.parameter_picture import parameter_part, without_frames
-from pkmcal_cli.pictures.parts import Part, composed, dots, shown_unit, thinned
+from pkmcal_cli.pictures.parts import Part, brief, composed, dots, shown_unit, thinned
 from pkmcal_cli.pictures.picture import AFTER, BEFORE, LOOKS, NOISE, Picture
-from pkmcal_cli.pictures.titles import Titles, plain
+from pkmcal_cli.pictures.titles import Titles
 from pkmcal_cli.report.calibration import CalibrationReport
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
@@ -88,7 +88,7 @@ def _length_part(problem: Problem, fit: Fit, after: Array) -> Part:
             for values, colour, marker, label in ((before, BEFORE, "o", "before"), (after, AFTER, "s", "calibrated")):
                 dots(ax, x, values[:, k] / unit.scale, colour, marker, label)
             ax.axhline(0, color=NOISE, lw=0.8)
-            ax.set_xlabel(f"{readings[a].name} [{drive_unit.text}]")
+            ax.set_xlabel(f"{brief(readings[a].name)} [{drive_unit.text}]")
             if k % _COLUMNS == 0:
                 ax.set_ylabel(f"length, measured - predicted [{unit.text}]", fontsize=8)
         _finish(figure, axes, len(drives))
@@ -114,11 +114,11 @@ def _by_drive(
             drive_unit = parse_unit(problem.model.actuators[a].unit)
             x = drive_readings(problem)[:, a] / drive_unit.scale
             for (colour, marker), one in zip(looks, series, strict=False):
-                dots(ax, x[rows], one.values[rows] / unit.scale, colour, marker, plain(one.name))
+                dots(ax, x[rows], one.values[rows] / unit.scale, colour, marker, brief(one.name))
             for one in series[len(looks) :]:
                 dots(ax, x[rows], one.values[rows] / unit.scale, NOISE, ".")
             ax.axhline(0, color=NOISE, lw=0.8)
-            ax.set_xlabel(f"{problem.model.actuators[a].name} [{drive_unit.text}]")
+            ax.set_xlabel(f"{brief(problem.model.actuators[a].name)} [{drive_unit.text}]")
             if k % _COLUMNS == 0:
                 ax.set_ylabel(f"{quantity} [{unit.text}]")
         _finish(figure, axes, len(drives))

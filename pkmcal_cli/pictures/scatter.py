@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import SubFigure
 
 _SHOWN = 5000  # points
+_STAYS = 1e-9  # m, rad
 _HEIGHT, _LOW = 3.6, 2.2  # inches
 _LABEL = 22  # letters of a line that the lowest part is high enough for
 _FLAT = 0.3  # height by width below which the lower part will do, and no plane is drawn flatter
@@ -27,7 +28,7 @@ _FLAT = 0.3  # height by width below which the lower part will do, and no plane 
 
 @dataclass(frozen=True)
 class Cloud:
-    """Places (N, K), m, with a name; values (N,) that colours say, in the unit `of`."""
+    """Places (N, K), m (orientations: rad), with a name; values (N,) that colours say, in the unit `of`."""
 
     name: str
     at: Array
@@ -41,8 +42,15 @@ def planes(names: Sequence[str]) -> list[tuple[int, int]]:
     return [(0, 1)] if len(names) == 2 else [(0, 1), (0, 2)] if len(names) > 2 else []
 
 
-def scatter_part(clouds: Sequence[Cloud], names: Sequence[str], length: Unit) -> Part:
-    """Clouds of places; of coordinates x y z the planes xy and xz, side by side."""
+def moving(names: Sequence[str], at: Array) -> list[int]:
+    """Columns of poses (N, K), m and rad, that are drawn: positions, or the orientation of a tool that only turns."""
+    columns = [[k for k, name in enumerate(names) if name.startswith("r") is turns] for turns in (False, True)]
+    ways = [bool(len(at)) and float(np.ptp(at[:, some], axis=0).max(initial=0.0)) > _STAYS for some in columns]
+    return columns[1] if ways == [False, True] and len(columns[1]) > 1 else columns[0]
+
+
+def scatter_part(clouds: Sequence[Cloud], names: Sequence[str], unit: Unit) -> Part:
+    """Clouds of places; of coordinates x y z (rx ry rz) the planes xy and xz, side by side."""
     pairs = planes(names)
     every = np.vstack([c.at for c in clouds])
     sizes = [np.ptp(every[:, list(pair)], axis=0) for pair in pairs]
@@ -51,9 +59,9 @@ def scatter_part(clouds: Sequence[Cloud], names: Sequence[str], length: Unit) ->
     def draw(figure: SubFigure) -> None:
         axes = np.ravel(figure.subplots(1, len(pairs), squeeze=False))
         for ax, (a, b) in zip(axes, pairs, strict=True):
-            _draw_plane(ax, clouds, (a, b), length)
-            ax.set_xlabel(f"{names[a]} [{length.text}]")
-            ax.set_ylabel(f"{names[b]} [{length.text}]")
+            _draw_plane(ax, clouds, (a, b), unit)
+            ax.set_xlabel(f"{names[a]} [{unit.text}]")
+            ax.set_ylabel(f"{names[b]} [{unit.text}]")
             if sizes[0].max() > 0:
                 ax.set_aspect("equal", adjustable="box")
         handles, labels = axes[0].get_legend_handles_labels()
@@ -64,11 +72,11 @@ def scatter_part(clouds: Sequence[Cloud], names: Sequence[str], length: Unit) ->
     return Part(_LOW if flat else _HEIGHT, draw)
 
 
-def _draw_plane(ax: Axes, clouds: Sequence[Cloud], pair: tuple[int, int], length: Unit) -> None:
+def _draw_plane(ax: Axes, clouds: Sequence[Cloud], pair: tuple[int, int], unit: Unit) -> None:
     limits = _limits(clouds)
     for cloud, colour, marker in zip(clouds, (AFTER, BEFORE, FITTED), ("o", "^", "x"), strict=False):
         rows = thinned(len(cloud.at), _SHOWN)
-        x, y = (cloud.at[rows][:, list(pair)] / length.scale).T
+        x, y = (cloud.at[rows][:, list(pair)] / unit.scale).T
         label = plain(cloud.name) if cloud.name else None
         if cloud.path:
             ax.plot(x, y, color=NOISE, lw=0.6, zorder=1)
@@ -77,8 +85,8 @@ def _draw_plane(ax: Axes, clouds: Sequence[Cloud], pair: tuple[int, int], length
         if cloud.values is None:
             ax.scatter(x, y, s=size, c=colour, marker=marker, label=label, zorder=3, linewidths=0.6)
         else:
-            unit = cloud.of.scale if cloud.of is not None else 1.0
-            ax.scatter(x, y, s=size * 2, c=cloud.values[rows] / unit, cmap="cividis", zorder=3, **limits)
+            shown = cloud.of.scale if cloud.of is not None else 1.0
+            ax.scatter(x, y, s=size * 2, c=cloud.values[rows] / shown, cmap="cividis", zorder=3, **limits)
     ax.margins(0.08)
     _room(ax)
 

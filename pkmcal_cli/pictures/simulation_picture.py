@@ -10,11 +10,12 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.pictures.parts import Part, composed, dots, shown_unit, thinned
+from pkmcal_cli.pictures.parts import Part, brief, composed, dots, over_rows, shown_unit, thinned
 from pkmcal_cli.pictures.picture import LOOKS, Picture
-from pkmcal_cli.pictures.scatter import Cloud, planes, scatter_part
-from pkmcal_cli.pictures.titles import Titles, plain
-from pkmcal_cli.units.unit_text import Unit, parse_unit
+from pkmcal_cli.pictures.scatter import Cloud, moving, planes, scatter_part
+from pkmcal_cli.pictures.titles import Titles
+from pkmcal_cli.units.file_units import FileUnits
+from pkmcal_cli.units.unit_text import parse_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import SubFigure
@@ -27,9 +28,9 @@ _HEIGHT = 2.3  # inches, of a panel over the rows
 
 @dataclass(frozen=True, kw_only=True)
 class Simulated:
-    """Solved rows of a simulation: coordinates of the tool point (N, K), readings (N, C), forces (N, A) or None, SI.
+    """Solved rows of a simulation: poses of the tool point (N, K), readings (N, C), forces (N, A) or None, SI.
 
-    uncertainty (N,): standard uncertainty of the position, m; None where it was not asked for.
+    uncertainty (N, K): standard uncertainties of the pose; None where they were not asked for.
     """
 
     model: Model
@@ -48,21 +49,25 @@ class _Series:
     unit: str
 
 
-def simulation_picture(result: Simulated, titles: Titles, length: Unit) -> Picture:
+def simulation_picture(result: Simulated, titles: Titles, units: FileUnits) -> Picture:
     """Forces where they were asked for, the map of uncertainties where it was, else the way and the readings."""
-    parts, names = _parts(result, length)
+    parts, names = _parts(result, units)
     count = len(result.readings)
     return composed("simulation", titles, f"{count} rows simulated: {', '.join(names) or 'nothing to draw'}.", parts)
 
 
-def _parts(result: Simulated, length: Unit) -> tuple[list[Part], list[str]]:
+def _parts(result: Simulated, units: FileUnits) -> tuple[list[Part], list[str]]:
     parts: list[Part] = []
     names: list[str] = []
-    drawn = bool(planes(result.coordinates)) and len(result.tool) > 0
+    columns = moving(result.coordinates, result.tool)
+    coordinates, tool = [result.coordinates[k] for k in columns], result.tool[:, columns]
+    drawn = bool(planes(coordinates)) and len(tool) > 0
+    dimension, axis = ("angle", units.angle) if drawn and coordinates[0][0] == "r" else ("length", units.length)
     if result.uncertainty is not None and drawn:
-        unit = shown_unit("length", float(np.nanmax(result.uncertainty)))
-        name = "standard uncertainty of the position"
-        parts.append(scatter_part([Cloud(name, result.tool, result.uncertainty, unit)], result.coordinates, length))
+        size = np.sqrt((result.uncertainty[:, columns] ** 2).sum(axis=1))
+        name = f"standard uncertainty of the {'orientation' if dimension == 'angle' else 'position'}"
+        cloud = Cloud(name, tool, size, shown_unit(dimension, float(np.nanmax(size))))
+        parts.append(scatter_part([cloud], coordinates, axis))
         names.append(name)
     if result.forces is not None:
         model = result.model
@@ -75,8 +80,8 @@ def _parts(result: Simulated, length: Unit) -> tuple[list[Part], list[str]]:
         names.append("forces of drives")
     if not parts:
         if drawn:
-            parts.append(scatter_part([Cloud("", result.tool, path=True)], result.coordinates, length))
-            names.append("positions of the tool point")
+            parts.append(scatter_part([Cloud("", tool, path=True)], coordinates, axis))
+            names.append(f"{'orientations' if dimension == 'angle' else 'positions'} of the tool point")
         parts += _over_rows("reading", _others(result))
         names += ["readings of other channels"] if _others(result) else []
     return parts, names
@@ -112,13 +117,10 @@ def _panel(quantity: str, series: Sequence[_Series], unit: str) -> Part:
         ax = figure.add_subplot()
         for (colour, marker), one in zip(LOOKS, series, strict=False):
             rows = thinned(len(one.values), _SHOWN)
-            dots(ax, rows + 1, (one.values[rows] - shown.offset) / shown.scale, colour, marker, plain(one.name))
-        ax.set_xlabel("row")
+            dots(ax, rows + 1, (one.values[rows] - shown.offset) / shown.scale, colour, marker, brief(one.name))
         ax.set_ylabel(f"{quantity} [{shown.text}]")
         ax.margins(0.04, 0.1)
-        from matplotlib.ticker import MaxNLocator
-
-        ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+        over_rows(ax, "row", len(series[0].values))
         ax.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
 
     return Part(_HEIGHT, draw)

@@ -43,7 +43,7 @@ def study_picture(report: StudyReport, titles: Titles) -> Picture:
             for ax, (label, unit, of) in zip(axes, some, strict=True):
                 _panel(ax, report, unit, of)
                 ax.set_ylabel(f"{label} [{unit.text}]")
-                ax.set_xlabel(f"measured points (noise {plain(report.noise)})")
+                ax.set_xlabel(f"measured points (noise {plain(report.noise)}); bands: 95 %")
             handles, labels = axes[-1].get_legend_handles_labels()
             figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False, fontsize=8)
 

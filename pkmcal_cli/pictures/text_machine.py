@@ -8,28 +8,40 @@ from itertools import pairwise
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.pictures.machine_shape import MachineShape, Shape
+from pkmcal_cli.pictures.joint_symbols import axes_on_page
+from pkmcal_cli.pictures.shapes import MachineShape, Shape
 from pkmcal_cli.pictures.views import ISOMETRIC, PLANE, View, hull
 
 _COLUMNS, _ROWS, _FLAT = 78, 30, 5  # of the page; rows of a machine on one line
 _TALL = 2.0  # height of a character by its width
-_GUIDE, _REFERENCE, _GROUND, _JOINT, _DRIVE, _TOOL = ":", ".", "^", "o", "#", "@"
-LEGEND = f"{_GUIDE} guide  {_GROUND} base  {_JOINT} joint or node  {_DRIVE} drive  {_TOOL} tool point"
+_GUIDE, _REFERENCE, _GROUND, _JOINT, _DRIVE, _TOOL, _AXIS = ":", ".", "^", "o", "#", "@", "+"
 BELIEVED = f"  {_REFERENCE} where the control believes it to be"
 _BESIDE = ((0, 2), (0, -2), (-1, 1), (1, 1), (-1, -1), (1, -1), (-1, 0), (1, 0), (-2, 1), (2, 1), (-2, -1), (2, -1))
+
+
+def text_legend(shape: MachineShape) -> str:
+    """What the characters mean; axes only of a machine that shows some."""
+    axes = f"  {_AXIS} axis" if axes_on_page(shape, shape.actual, _view(shape)) else ""
+    return f"{_GUIDE} guide  {_GROUND} base  {_JOINT} joint or node{axes}  {_DRIVE} drive  {_TOOL} tool point"
+
+
+def _view(shape: MachineShape) -> View:
+    return PLANE if shape.planar else ISOMETRIC
 
 
 def text_machine(shape: MachineShape, factor: float) -> list[str]:
     """Lines of the drawing: displacements `factor` times; of a machine in space the isometric view."""
     shown = shape.reference.towards(shape.actual, factor)
-    page = _Page(PLANE if shape.planar else ISOMETRIC, np.vstack([shape.reference.corners, shown.corners]))
-    if shape.largest[1]:
+    page = _Page(_view(shape), np.vstack([shape.corners(shape.reference), shape.corners(shown)]))
+    if shape.moved:
         for course in shape.reference.members.values():
             page.line(course, _REFERENCE)
     for course in shown.guides.values():
         page.line(course, _GUIDE)
-    for names in shape.bodies.values():
-        corners = np.array([shown.places[n] for n in names])
+    for _, axis in axes_on_page(shape, shown, page.view):
+        page.line(axis, _AXIS)
+    for body in shape.machine.bodies:
+        corners = shape.outline(body, shown)
         ring = list(hull(page.view.of(corners)))
         page.line(corners[[*ring, ring[0]]])
     for course in shown.members.values():
@@ -40,6 +52,8 @@ def text_machine(shape: MachineShape, factor: float) -> list[str]:
 
 def _mark(page: _Page, shape: MachineShape, shown: Shape) -> None:
     """Markers over the lines, then the names of drives and of the tool point."""
+    for name in shape.machine.joints:
+        page.mark(shape.symbol(name, shown), _JOINT)
     for name, point in shown.places.items():
         page.mark(point, _GROUND if name in shape.machine.ground else _JOINT)
     drives = {name: shape.at_drive(name, shown) for name in shape.readings}

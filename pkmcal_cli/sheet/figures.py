@@ -12,6 +12,7 @@ from pkmcal_cli.pictures.machine_picture import machine_picture
 from pkmcal_cli.pictures.machine_shape import machine_shape
 from pkmcal_cli.pictures.parameter_picture import parameter_picture, without_frames
 from pkmcal_cli.pictures.parts import composed
+from pkmcal_cli.pictures.residual_picture import residual_parts
 from pkmcal_cli.pictures.shape_picture import shape_in_words, shape_part
 from pkmcal_cli.pictures.titles import Titles, titles
 from pkmcal_cli.report.improvement import ImprovementReport
@@ -45,7 +46,9 @@ def drawing(results: Results) -> Section | None:
 
 
 def maps(results: Results) -> list[Figure]:
-    """Errors of positions as arrows: before and after calibration, then with the causes; none without positions."""
+    """Errors of positions as arrows: before and after calibration, then with the causes; without positions, what is
+    left over the drives.
+    """
     report, improved = results.calibrated, results.improved
     problem, calibrated = report.problem.without(report.slipped), ("calibrated", report.fit.after.residual)
     before = [] if report.started else [("as built", report.fit.before.residual)]
@@ -57,6 +60,9 @@ def maps(results: Results) -> list[Figure]:
     caption += "of panels have one scale, but where a panel says otherwise."
     again = _without_bad_rows(results)
     out = [Figure(error_map(p, _titles(results, subject), unit), caption) for subject, p in pairs if p]
+    if not out and (left := residual_parts(problem, report.fit)):
+        words = "Residuals after calibration over the reading of each drive, on the fitted rows."
+        return [Figure(composed("residuals", _titles(results, "residuals after calibration"), words, left), words)]
     return [*out[:1], *(replace(figure, caption=f"{caption}{again}") for figure in out[1:])]
 
 

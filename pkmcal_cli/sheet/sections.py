@@ -95,7 +95,7 @@ def errors(results: Results) -> Section | None:
     elif not isinstance(held, str):
         rows += _figures(results, "calibrated", "held out", held.after)
     table = Table("", ("state", "on", "error", "rms", "largest"), tuple(rows), left=3)
-    region = measured_region(report.problem, results.machine.file_units.length)
+    region = measured_region(report.problem, results.machine.file_units)
     notes = [Text(remark, "note"), Text(region, "note")] if region else [Text(remark, "note")]
     return section("errors", "Errors before and after", [table, *notes, *maps(results), steps(results)])
 

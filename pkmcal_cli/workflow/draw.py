@@ -15,16 +15,16 @@ from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, 
 from pkmcal_cli.loading.pose_source import PoseSource
 from pkmcal_cli.loading.poses import OUT_OF_REACH, RowOrigin, reference_poses
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.pictures.machine_picture import default_scale, machine_picture, newtons
-from pkmcal_cli.pictures.machine_shape import MachineShape, machine_shape
+from pkmcal_cli.pictures.machine_picture import default_scale, displacement_text, machine_picture, newtons
+from pkmcal_cli.pictures.machine_shape import machine_shape
 from pkmcal_cli.pictures.picture import check_picture, write_picture
-from pkmcal_cli.pictures.text_machine import BELIEVED, LEGEND, text_machine
+from pkmcal_cli.pictures.shapes import MachineShape
+from pkmcal_cli.pictures.text_machine import BELIEVED, text_legend, text_machine
 from pkmcal_cli.pictures.titles import titles
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.report.console import Reporter, emit_json, enveloped
-from pkmcal_cli.report.number_format import finite, handy
+from pkmcal_cli.report.number_format import finite
 from pkmcal_cli.report.provenance import provenance
-from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.arguments import one_stdin, present, require_forces
 from pkmcal_cli.workflow.tensioned_poses import TENSIONED, UNTENSIONED, holds_ropes, tensioned, tensions_ropes
 
@@ -154,16 +154,16 @@ def _solved(loaded: LoadedMachine, start: Start, row: _Row) -> MachineShape:
 
 def _show(request: DrawingRequest, shape: MachineShape, factor: float, row: _Row, to: Reporter) -> None:
     """The drawing in characters where there is no other, and what drives and tool point do."""
-    point, largest = shape.largest
     if request.output is None:
         to.say()
         for line in text_machine(shape, factor):
             to.say(line)
         to.say()
-        to.say(LEGEND)
-    to.say(f"{row.row_origin}: {_displaced(shape, factor)}" + (BELIEVED if request.output is None and largest else ""))
-    if largest:
-        to.say(f"largest displacement: {handy(largest, parse_unit('mm'))}, of {point}")
+        to.say(text_legend(shape))
+    dotted = BELIEVED if request.output is None and shape.moved else ""
+    to.say(f"{row.row_origin}: {_displaced(shape, factor)}{dotted}")
+    if shape.moved:
+        to.say(displacement_text(shape))
     if request.forces:
         rows = [(n, newtons(f, n in shape.turning)) for n, f in shape.forces.items()]
         to.table("Forces of drives", ("drive", "force"), rows)
@@ -179,7 +179,7 @@ def _origin_text(row_origin: RowOrigin) -> str:
 
 
 def _displaced(shape: MachineShape, factor: float) -> str:
-    if not shape.largest[1]:
+    if not shape.moved:
         return "nothing is displaced"
     return "displacements at true scale" if factor == 1 else f"displacements {factor:g} times as large"
 

@@ -10,6 +10,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.diagnosis.experiment_design import Plan
 from pkmcal_cli.language.tool_point import tool_point_of
 from pkmcal_cli.loading.load_machine import LoadedMachine
+from pkmcal_cli.model.tool_channels import tcp_model
 from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.pictures.analysis_pictures import PlannedPositions, plan_picture
 from pkmcal_cli.pictures.titles import titles
@@ -34,18 +35,19 @@ def draw_plan(
     """Write the picture, if any; `plan`: None where points are chosen for a table that grows. Raises OutputError."""
     if plot is not None:
         named = titles(loaded.model.name, "plan", plot.tables)
-        plot.write(plan_picture(plan, named, loaded.machine.file_units.length, _places(loaded, rows)), to)
+        plot.write(plan_picture(plan, named, loaded.machine.file_units, _places(loaded, rows)), to)
 
 
 def _places(loaded: LoadedMachine, rows: PlannedRows) -> PlannedPositions | None:
-    """Positions of the tool point; None without one."""
+    """Poses of the tool point; None without one."""
     if tool_point_of(loaded.machine) is None:
         return None
-    names = DIRECTIONS[: loaded.machine.dimensions]
+    names = [channel.name for channel in tcp_model(loaded.model).channels]
+    columns = [DIRECTIONS.index(name) for name in names]
     places_of = []
     for part in (rows.planned, rows.added):
         some = part is not None and len(part) > 0
         values = rows.values[: len(loaded.model.parameters)]
-        places = tcp_places(loaded.model, values, part)[:, : len(names)] if part is not None and some else None
+        places = tcp_places(loaded.model, values, part)[:, columns] if part is not None and some else None
         places_of.append(np.zeros((0, len(names))) if places is None else places[np.isfinite(places).all(axis=1)])
-    return PlannedPositions(places_of[0], places_of[1], names)
+    return PlannedPositions(places_of[0], places_of[1], tuple(names))

@@ -15,7 +15,6 @@ from pkmcal_cli.pictures.picture import Picture
 from pkmcal_cli.pictures.simulation_picture import Simulated, simulation_picture
 from pkmcal_cli.pictures.titles import titles
 from pkmcal_cli.prediction import Request, Rows, WarmStart, predict
-from pkmcal_cli.units.measurands import Measurand
 from pkmcal_cli.workflow.arguments import checked_method
 
 _MOST = 200_000  # rows
@@ -47,20 +46,18 @@ class KeptRows:
         if forces is not None and self.forces_asked:
             self.forces.append(forces)
         if u:
-            positions = [u[k] for k in tcp_model(self.model).measuring(Measurand.POSITION)]
-            self.uncertainty.append(np.sqrt(np.sum(np.square(positions), axis=0)))
+            self.uncertainty.append(np.column_stack(u))
 
     def picture(self, loaded: LoadedMachine) -> Picture:
         """All of them."""
         named = titles(loaded.model.name, "simulation", self.tables)
-        return simulation_picture(self._simulated, named, loaded.machine.file_units.length)
+        return simulation_picture(self._simulated, named, loaded.machine.file_units)
 
     @property
     def _simulated(self) -> Simulated:
         full = tcp_model(self.model)
-        columns, asked = full.measuring(Measurand.POSITION), Request(checked_method(self.method))
-        names = [full.channels[k].name for k in columns]
-        tool = [predict(full, self.values, rows, asked, start).values[:, columns] for rows, start in self.solved]
+        asked, names = Request(checked_method(self.method)), [channel.name for channel in full.channels]
+        tool = [predict(full, self.values, rows, asked, start).values for rows, start in self.solved]
         none = np.zeros((0, len(names)))
         return Simulated(
             model=self.model,
@@ -68,5 +65,5 @@ class KeptRows:
             tool=np.vstack([none, *tool]),
             readings=np.vstack([np.zeros((0, len(self.model.channels))), *self.readings]),
             forces=np.vstack(self.forces) if self.forces else None,
-            uncertainty=np.concatenate(self.uncertainty) if self.uncertainty else None,
+            uncertainty=np.vstack(self.uncertainty) if self.uncertainty else None,
         )
