@@ -21,6 +21,7 @@ from pkmcal_cli.gross_errors.change_row import change_row
 from pkmcal_cli.gross_errors.column_faults import explain_columns
 from pkmcal_cli.gross_errors.drive_columns import explain_by_prediction
 from pkmcal_cli.gross_errors.mirror import brought_back, explain_frame
+from pkmcal_cli.gross_errors.other_place import explain_place
 from pkmcal_cli.gross_errors.permuted import permuted_rows
 from pkmcal_cli.gross_errors.plausibility import BETTER, EXPLAINED, Hint, MovedReadings, evidence, misfit
 from pkmcal_cli.gross_errors.repeated import repeated_readings
@@ -161,7 +162,7 @@ def _reasons(table: _Table) -> list[_Reason]:
         if unplaced and not any(r.complete and not _of_drives(problem, r) for r in reasons):
             hints, before = explain_by_prediction(sample.part, values, sample.seen)
             reasons += [_Reason((h,), before, h.after) for h in hints]
-    return reasons
+    return reasons if any(r.complete for r in reasons) else [*reasons, _Reason(*explain_place(sample))]
 
 
 def _of_drives(problem: Problem, reason: _Reason) -> bool:

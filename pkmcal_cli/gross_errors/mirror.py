@@ -43,7 +43,7 @@ def brought_back(readings: FloatArray, predicted: FloatArray, points: Points, tu
     out = readings.copy()
     columns = np.concatenate([np.asarray(p, dtype=int) for p in (*points, *turns)])
     out[:, columns] = np.nan
-    motion = _motion(readings, predicted, points)
+    motion = motion_of(readings, predicted, points)
     if motion is None:
         return out
     rotation, shift = motion
@@ -56,8 +56,8 @@ def brought_back(readings: FloatArray, predicted: FloatArray, points: Points, tu
     return out
 
 
-def _motion(readings: FloatArray, predicted: FloatArray, points: Points) -> tuple[FloatArray, FloatArray] | None:
-    """Rotation (d, d) and shift (d,) that bring the points onto their predictions; None with too few."""
+def motion_of(readings: FloatArray, predicted: FloatArray, points: Points) -> tuple[FloatArray, FloatArray] | None:
+    """Rotation (d, d) and shift (d,) that bring readings (N, C) of points onto predictions; None with too few."""
     here, there = (np.concatenate([table[:, list(p)] for p in points]) for table in (readings, predicted))
     known = np.asarray(np.isfinite(here).all(axis=1) & np.isfinite(there).all(axis=1))
     return None if known.sum() < here.shape[1] + MORE_THAN_AXES else best_motion(here[known], there[known])
@@ -135,7 +135,7 @@ def explain_frame(
     are judged by the motion of the points as they are then.
     """
     hints, right = _explain_points(readings, predicted, points, names, units)
-    if turns and (motion := _motion(right, predicted, points)) is not None:
+    if turns and (motion := motion_of(right, predicted, points)) is not None:
         for vector in turns:
             more, right = explain_turns(right, predicted, vector, motion[0], names, units)
             hints += more

@@ -143,26 +143,43 @@ class Sample:
     @cached_property
     def frames(self) -> list[list[list[int]]]:
         """By instrument that stands anywhere, the channels of the coordinates of its points, if it reads all."""
-        model = self.part.model
-        axes = 2 if model.topology.planar else 3
-        by_frame: dict[str, list[list[int]]] = {}
-        for sensor in model.sensors:
-            point = [channel for channel, _ in sorted(sensor.places, key=lambda pair: pair[1])]
-            if sensor.name in model.fitted_frames and len(point) == axes:
-                by_frame.setdefault(sensor.name, []).append(point)
-        return list(by_frame.values())
+        return [points for points, _ in self._whole.values()]
 
     @cached_property
     def turns(self) -> list[list[list[int]]]:
         """The channels of whole rotation vectors of each of these instruments."""
-        model = self.part.model
-        whole = 1 if model.topology.planar else 3
-        out = []
-        for points in self.frames:
-            name = next(s.name for s in model.sensors if points[0][0] in s.channels)
-            read = (sorted(s.rotates, key=lambda pair: pair[1]) for s in model.sensors if s.name == name)
-            out.append([[channel for channel, _ in pairs] for pairs in read if len(pairs) == whole])
+        return [turns for _, turns in self._whole.values()]
+
+    @cached_property
+    def _whole(self) -> dict[str, tuple[list[list[int]], list[list[int]]]]:
+        axes, fitted = 2 if self.part.model.topology.planar else 3, self.part.model.fitted_frames
+        pointed = {n: [p for p in points if len(p) == axes] for n, points in self._points.items() if n in fitted}
+        return {n: (points, self._turns_of(n)) for n, points in pointed.items() if points}
+
+    @cached_property
+    def standing(self) -> dict[str, tuple[list[list[int]], list[list[int]]]]:
+        """By instrument whose place the machine file states: the channels of its points' coordinates, as many of each,
+        and of whole rotation vectors.
+        """
+        out = {}
+        for name, points in self._points.items():
+            if name not in self.part.model.fitted_frames:
+                out[name] = [p for p in points if len(p) == len(points[0])], self._turns_of(name)
         return out
+
+    @cached_property
+    def _points(self) -> dict[str, list[list[int]]]:
+        """By instrument, the channels of the coordinates of each point that it reads."""
+        out: dict[str, list[list[int]]] = {}
+        for sensor in self.part.model.sensors:
+            if point := [channel for channel, _ in sorted(sensor.places, key=lambda pair: pair[1])]:
+                out.setdefault(sensor.name, []).append(point)
+        return out
+
+    def _turns_of(self, name: str) -> list[list[int]]:
+        whole = 1 if self.part.model.topology.planar else 3
+        read = (sorted(s.rotates, key=lambda pair: pair[1]) for s in self.part.model.sensors if s.name == name)
+        return [[channel for channel, _ in pairs] for pairs in read if len(pairs) == whole]
 
 
 def _with_alignment(sample: Sample) -> Array:
