@@ -112,9 +112,7 @@ class _Table:
 
 def _in_part(table: _Table, rows: IntArray, words: str) -> list[Hint]:
     """Suspicions by some rows (n,) alone, which `words` tell."""
-    suspicions = _suspected(table.take(rows))
-    numbers = [tuple(int(rows[k]) for k in h.rows) for h in suspicions]
-    return [replace(h, message=words + h.message, rows=r, columns=()) for h, r in zip(suspicions, numbers, strict=True)]
+    return [h.of_some(rows, words) for h in _suspected(table.take(rows))]
 
 
 def _from_a_row(table: _Table) -> tuple[Hint, ...]:
@@ -183,7 +181,7 @@ def _chosen(reasons: list[_Reason]) -> tuple[Hint, ...]:
     first, *others = sorted((r.hints for r in good if len(r.hints) == fewest), key=lambda h: h[0].kind != "rotated")
     explained = {(h.kind, h.names) for h in first}
     others = [o for o in others if not explained & {(h.kind, h.names) for h in o}]
-    alternatives = [replace(h, message=f"alternatively, {h.message}", columns=()) for o in others for h in o]
+    alternatives = [replace(h, message=f"alternatively, {h.message}", columns=(), places=()) for o in others for h in o]
     return (*first, *alternatives)
 
 

@@ -6,7 +6,7 @@ Pure functions on arrays. What they find are hints; whether one is an error the 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Literal
 
@@ -52,12 +52,26 @@ class MovedReadings:
     unsure: int
 
 
+@dataclass(frozen=True)
+class OtherPlace:
+    """Channels of points and of rotation vectors that were read from another place, by name.
+
+    rotation (d, d) and shift (d,), m, lead from what was read to what would have been read from the stated place.
+    """
+
+    points: tuple[tuple[str, ...], ...]
+    turns: tuple[tuple[str, ...], ...]
+    rotation: FloatArray
+    shift: FloatArray
+
+
 @dataclass(frozen=True, kw_only=True)
 class Hint:
     """A suspicion: what it is, the columns, the words, and the evidence.
 
     before, after: rms of measured minus predicted (SI) as it stands and if the hint is followed (limits: rows
-    outside); rows: those concerned, for limits; columns, moved: what puts the table right, empty where nothing does
+    outside); rows: those concerned, for limits; columns, moved, places: what puts the table right, empty where nothing
+    does
     """
 
     kind: Kind
@@ -68,11 +82,17 @@ class Hint:
     rows: tuple[int, ...] = ()
     columns: tuple[Right, ...] = ()
     moved: tuple[MovedReadings, ...] = ()
+    places: tuple[OtherPlace, ...] = ()
 
     @property
     def mends(self) -> bool:
         """Whether it says how the table is put right."""
-        return bool(self.columns or self.moved)
+        return bool(self.columns or self.moved or self.places)
+
+    def of_some(self, rows: NDArray[np.intp], words: str) -> Hint:
+        """The same of some rows (n,) of a table, which `words` tell: it says not how the whole table is put right."""
+        numbers = tuple(int(rows[k]) for k in self.rows)
+        return replace(self, message=words + self.message, rows=numbers, columns=(), places=())
 
 
 def find_limit_faults(

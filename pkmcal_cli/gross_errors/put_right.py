@@ -1,4 +1,4 @@
-"""A table put right: columns exchanged, turned in sign or in a wrong unit, and readings that stand in wrong rows."""
+"""A table put right: columns exchanged, turned in sign or in a wrong unit, readings in wrong rows or from elsewhere."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from pkmcal_cli.gross_errors.other_place import from_stated_place
 from pkmcal_cli.gross_errors.plausibility import Hint, MovedReadings, Right
 from pkmcal_cli.gross_errors.row_shift import apply_shifts
 from pkmcal_cli.tables.measurement_set import Measurements
@@ -21,7 +22,10 @@ def put_right(measured: Measurements, hints: Sequence[Hint]) -> Measurements | N
     if not any(hint.mends for hint in hints):
         return None
     measured = _columns_right(measured, [change for hint in hints for change in hint.columns])
-    return _rows_right(measured, [moved for hint in hints for moved in hint.moved])
+    measured = _rows_right(measured, [moved for hint in hints for moved in hint.moved])
+    for place in (place for hint in hints for place in hint.places):
+        measured = replace(measured, readings=from_stated_place(measured.readings, measured.channels, place))
+    return measured
 
 
 def _columns_right(measured: Measurements, columns: Sequence[Right]) -> Measurements:
