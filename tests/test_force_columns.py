@@ -1,7 +1,7 @@
 """Commanded forces of a force-controlled drive that are not what acts: of the opposite sign, in another unit.
 
-The truth: three rods hold a point, of which the third ends on a carriage that a force pushes along its rail; and a weight
-hangs on a wire of length l and stiffness EA, and a drive on a rail pushes it up with F: its height is
+The truth: three rods hold a point, of which the third ends on a carriage that a force pushes along its rail; and a
+weight hangs on a wire of length l and stiffness EA, and a drive on a rail pushes it up with F: its height is
 -l (1 + (m g - F) / EA).
 """
 
@@ -57,6 +57,7 @@ actuators:
   q3: {moves: c3, redundant: true, control: force, sigma: 5 um}
 sensors: {grid: {at: tcp, reads: [x, y], sigma: 3 um, frame: machine}}
 """
+GRID = "x=400:500:2,y=300:350:2"
 RODS, STIFF, DRIVES = np.array([400.13, 399.91, 700.07]), 8500.0, 20e3  # mm, N/mm
 
 
@@ -122,3 +123,23 @@ def test_a_declared_scale_acts_on_the_force_of_the_machine_too(tmp_path: Path) -
     lines = clean(run("simulate", file, table, "-q")).out.splitlines()
     y = [float(line.split(",")[lines[-3].split(",").index("y [mm]")]) for line in lines[-2:]]
     assert y == pytest.approx([-500 * (1 + (WEIGHT - 1.25 * f) / TENSION) for f in (40, 100)], abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [["simulate", "--grid", GRID], ["correct", "--grid", GRID], ["observability"]],
+)
+def test_a_force_that_nothing_states_is_said_to_be_zero(command: list[str], tmp_path: Path) -> None:
+    file = tmp_path / "m.yaml"
+    for said, force in ((True, ""), (False, " force: 100,")):
+        file.write_text(SLIDERS.replace("control: force,", f"control: force,{force}"))
+        done = clean(run(command[0], file, *command[1:]))
+        assert ("force of `q3`: 0, as nothing states it" in done.err) is said
+
+
+def test_the_remedy_of_a_missing_column_of_forces_names_the_machine_file(tmp_path: Path) -> None:
+    file, table = measured(tmp_path, 1.0)
+    table.write_text(table.read_text().replace("q3.force [N]", "pressure"))
+    done = run("calibrate", file, table)
+    assert done.code and "missing column `q3.force`" in done.err
+    assert "or state a constant `force` of q3 in the machine file" in done.err

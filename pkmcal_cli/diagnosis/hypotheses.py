@@ -278,14 +278,18 @@ def _missing(effect: Effect, sites: tuple[EffectSite, ...], rows: Rows) -> Itera
         if need == "temperature":
             if not columns.get("T") and not all(columns.get(f"T.{part}") for part in parts):
                 yield _WORDS[need]
-        elif (need in ("time", "payload", "spindle") and not columns.get(need)) or (need == "force" and not any(_varies(rows.forces[:, s.actuator]) for s in sites)):
+        elif need == "force":
+            if not _vary(rows, sites):
+                yield _WORDS[need]
+        elif need in ("time", "payload", "spindle") and not columns.get(need):
             yield _WORDS[need]
     for option in effect.options:
         if option.name == "period" and any(np.isnan(s.period) for s in sites):
             yield "`period` of the actuator in the machine file"
 
 
-def _varies(force: Array) -> bool:
-    """Whether a force (N,) takes several values, so that its scale is not an offset."""
-    known = force[np.isfinite(force)]
-    return bool(known.size) and float(np.ptp(known)) > _SAME * float(np.abs(known).max())
+def _vary(rows: Rows, sites: Sequence[EffectSite]) -> bool:
+    """Whether the force of some drive takes several values, so that its scale is not an offset."""
+    forces = rows.forces[:, [site.actuator for site in sites]]
+    known = [force[np.isfinite(force)] for force in forces.T]
+    return any(bool(f.size) and float(np.ptp(f)) > _SAME * float(np.abs(f).max()) for f in known)
