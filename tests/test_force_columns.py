@@ -143,3 +143,12 @@ def test_the_remedy_of_a_missing_column_of_forces_names_the_machine_file(tmp_pat
     done = run("calibrate", file, table)
     assert done.code and "missing column `q3.force`" in done.err
     assert "or state a constant `force` of q3 in the machine file" in done.err
+
+
+@pytest.mark.parametrize("command", ["observability", "plan"])
+def test_a_machine_that_a_force_strains_is_not_called_unstrained(command: str, tmp_path: Path) -> None:
+    file = tmp_path / "m.yaml"
+    for said, force in ((True, 0), (False, 20)):
+        file.write_text(SLIDERS.replace("control: force,", f"control: force, force: {force},"))
+        done = clean(run(command, file, "--grid", "x=300:700:5,y=250:380:4"))
+        assert ("the machine is hardly strained" in done.err) is said, done.err
