@@ -102,6 +102,7 @@ def test_a_gear_error_repeats_with_the_joint_not_with_its_motor(drive: str) -> N
 
 ON_THE_WIRE = {
     "preload@t: {f: 25 N}": (25.0, 0.0),
+    "force_scale@t: {s: 0.5}": (20.0, 0.0),
     "self_weight@all: {w: 0.5}": (-0.5 * 3 * 9.81, 0.0),
     "thermal_strut@wire: {a: 11 um/(m*K)}": (0.0, 11e-6 * 0.5 * RISE),
 }

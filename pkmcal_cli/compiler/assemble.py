@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -123,6 +123,31 @@ def reference_configuration(topology: Topology, state: State) -> ReferenceConfig
     return ReferenceConfiguration(travels, orientations)
 
 
+def with_springs(topology: Topology, length: float) -> Topology:
+    """The topology with springs that act with loads only, if drives hold all that they would hold; else they hold.
+
+    So a hinge that is driven may have a torsion spring, and a pendulum without a drive may hang on one.
+    """
+    if not any(group.springs.any() for group in topology.groups):
+        return topology
+    holding = replace(topology, groups=tuple(replace(g, springs=np.zeros_like(g.springs)) for g in topology.groups))
+    return topology if _undetermined(topology, length) == _undetermined(holding, length) else holding
+
+
+def _undetermined(topology: Topology, length: float) -> int:
+    """Motions that the drives not marked redundant leave free, as filed."""
+    system = build_system(topology, _substructure(topology), False)
+    state = reference_state(topology, topology.coefficients.constants[None], 1, system.constraints)
+    rows = _strains(system, topology.coefficients.constants[None], state, length)
+    return system.unknowns - rank(rows.jacobian)
+
+
+def _substructure(topology: Topology) -> tuple[DriveState, ...]:
+    """Drives that are neither redundant nor in force control hold, the others are released."""
+    free = (d.redundant or d.force_controlled for d in topology.drives)
+    return tuple(DriveState.RELEASED if f else DriveState.ENGAGED for f in free)
+
+
 def free_motions(topology: Topology, length: float) -> tuple[Array, System]:
     """Basis (n, k) of motions that nothing holds with all drives engaged, and that system. Raises BadDrawing."""
     system = all_drives(topology, DriveState.ENGAGED)
@@ -208,10 +233,7 @@ def mobility(topology: Topology, length: float, held: tuple[str, ...], loud: tup
     r = rank(released)
     freedom = released.shape[1] - r
     own_stress = released.shape[0] - r
-    states = tuple(
-        DriveState.RELEASED if d.redundant or d.force_controlled else DriveState.ENGAGED for d in topology.drives
-    )
-    substructure, _ = at(build_system(topology, states, False))
+    substructure, _ = at(build_system(topology, _substructure(topology), False))
     rs = rank(substructure)
     holding = tuple(DriveState.RELEASED if d.force_controlled else DriveState.ENGAGED for d in topology.drives)
     engaged_system = build_system(topology, holding, False)  # a drive in force control opens a loop

@@ -27,6 +27,7 @@ def add_bars(structure: Structure, leg_lengths: dict[str, Number]) -> list[Weigh
             rest=[length],
             stiffness=[stiffness or 0.0],
             rigid=[stiffness is None],
+            springs=[bar.spring],
         )
         if bar.mass is not None:
             weights += halves(name, connections, number(bar.mass))

@@ -152,7 +152,7 @@ def _assembled(machine: Machine, configuration: ReferenceConfiguration, receptiv
         builder.link(LoadElement(), LOAD, (base, tool.at), rest=[0.0] * 3, stiffness=[], rigid=[False] * 3)
     points = (tool, sensors.measured(machine) or tool)
     aims = {p.point: _aim_at(structure, p.at) for p in points}
-    topology = builder.build([(d.drive, d.element, d.strain) for d in drives])
+    topology = asm.with_springs(builder.build([(d.drive, d.element, d.strain) for d in drives]), _size(structure))
     poses = {p.point: _reference_pose(topology, p) for p in points}
     aimed = [AimedPoint(p.point, p.at.rotation, aims[p.point], poses[p.point]) for p in points]
     return _Assembly(

@@ -217,7 +217,9 @@ def _gap_fault(machine: Machine, gap: Gap, length: float) -> Fault:
     size = machine.file_units.length.format(gap.value) if lengthwise else f"{gap.value:.3g} rad"
     large = abs(gap.value) > GAP * (length if lengthwise else 1.0)
     message = f"the reference configuration does not close: gap of {size} at `{gap.element}` ({gap.strain})"
+    bar = machine.bars.get(gap.element)
     hint = _BAR_GAP if gap.element not in machine.joints else _JOINT_GAP
+    hint += "; if it is a spring, mark it `spring: true`" if bar is not None and bar.k is not None else ""
     return machine.source.fault("drawing", message, path, hint if large else None, at_key=True, warning=not large)
 
 

@@ -27,7 +27,8 @@ def add_joints(structure: Structure) -> None:
         rows = joint_rows(joint.type, structure.planar)
         if tree:
             rows = tuple(r for r in rows if r[0] == "r" and not shares and not _axis_built_in(structure, name))
-        rows += free_springs(joint.stiffness, joint.type, structure.planar)
+        springs = free_springs(joint.stiffness, joint.type, structure.planar)
+        rows += springs
         driven = [a for a in structure.machine.actuators.values() if a.drives == name]
         extra: dict[str, Number] = {}
         held = bool(driven) and name not in structure.carriage_travel
@@ -54,6 +55,7 @@ def add_joints(structure: Structure) -> None:
                 rest=rest_of(structure, joint) | (_travel_at_zero(driven[0], triad, chord) if held else {}),
                 extra=extra,
                 tilts=tilts_of(structure, joint),
+                springs=() if held else springs,
             )
 
 
@@ -211,10 +213,12 @@ def add_joint_link(
     rest: dict[str, Number] | None = None,
     extra: dict[str, Number] | None = None,
     tilts: Tilts = CONSTANT,
+    springs: tuple[str, ...] = (),
 ) -> None:
     """A joint element in the given directions: elastic where there is a stiffness, else rigid.
 
-    `tilts`: how far parameters turn its axes on each side, base axes, in the reference configuration.
+    `springs`: directions in which it is free but for a spring. `tilts`: how far parameters turn its axes on each side,
+    base axes, in the reference configuration.
     """
     element = JointElement(kind, rows)
     numbers = [_direction_stiffness(stiffness, r, extra or {}) for r in rows]
@@ -232,6 +236,7 @@ def add_joint_link(
         rest=[rest_values.get(r, 0.0) for r in rows],
         stiffness=[n or 0.0 for n in numbers] + couplings,
         rigid=[n is None for n in numbers],
+        springs=[r in springs for r in rows],
         triads=(triads[0], triads[1]),
     )
 

@@ -34,7 +34,7 @@ def yields(machine: Machine) -> bool:
     bars, ropes, drives = machine.bars.values(), machine.ropes.values(), machine.actuators.values()
     return (
         bool(machine.beams)
-        or any(bar.k is not None or bar.EA is not None for bar in bars)
+        or any(not bar.spring and (bar.k is not None or bar.EA is not None) for bar in bars)
         or any(rope.EA is not None for rope in ropes)
         or any(joint.stiffness is not None for joint in machine.joints.values())
         or any(guide.stiffness is not None for guide in machine.guides.values())

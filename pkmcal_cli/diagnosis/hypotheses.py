@@ -23,6 +23,7 @@ from pkmcal_cli.tables.measurement_set import Measurements
 
 RELEASE = "release"
 _DECLARED = 2.0  # log odds of a parameter that a machine file names and holds, before any single effect
+_SAME = 1e-3  # of a force: what rounding of its column makes
 _WORDS: dict[Column, str] = {
     "time": "column `time`",
     "temperature": "column `T` or `T.PART` (temperature)",
@@ -30,6 +31,7 @@ _WORDS: dict[Column, str] = {
     "payload": "column `payload`",
     "session": "at least two sessions",
     "spindle": "column `spindle` (spindle angle)",
+    "force": "column `ACTUATOR.force` in which the force varies",
 }
 
 
@@ -175,7 +177,8 @@ class Candidates:
 
 def candidates(model: Model, selected: tuple[str, ...], measurements: Measurements) -> Candidates:
     """Hypotheses that a table of measurements can show; see `candidates_of`."""
-    return candidates_of(model, selected, with_covariates(Rows.at(measurements.actuators), measurements))
+    rows = replace(Rows.at(measurements.actuators), forces=measurements.forces)
+    return candidates_of(model, selected, with_covariates(rows, measurements))
 
 
 def candidates_of(model: Model, selected: tuple[str, ...], rows: Rows) -> Candidates:
@@ -275,8 +278,18 @@ def _missing(effect: Effect, sites: tuple[EffectSite, ...], rows: Rows) -> Itera
         if need == "temperature":
             if not columns.get("T") and not all(columns.get(f"T.{part}") for part in parts):
                 yield _WORDS[need]
+        elif need == "force":
+            if not _vary(rows, sites):
+                yield _WORDS[need]
         elif need in ("time", "payload", "spindle") and not columns.get(need):
             yield _WORDS[need]
     for option in effect.options:
         if option.name == "period" and any(np.isnan(s.period) for s in sites):
             yield "`period` of the actuator in the machine file"
+
+
+def _vary(rows: Rows, sites: Sequence[EffectSite]) -> bool:
+    """Whether the force of some drive takes several values, so that its scale is not an offset."""
+    forces = rows.forces[:, [site.actuator for site in sites]]
+    known = [force[np.isfinite(force)] for force in forces.T]
+    return any(bool(f.size) and float(np.ptp(f)) > _SAME * float(np.abs(f).max()) for f in known)

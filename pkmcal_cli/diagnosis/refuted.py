@@ -19,6 +19,7 @@ _BY_COLUMN: dict[Column, str] = {
     "payload": LOAD,
     "spindle": "spindle",
     "session": "session",
+    "force": LOAD,
 }
 
 

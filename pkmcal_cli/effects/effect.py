@@ -72,7 +72,7 @@ FRAME_PARTS = {
 coordinates, scale, shear, place of the other end of a distance (m), shift of a single number (m or rad)."""
 
 Kind = Literal["any", "linear", "rotary", "spool", "coordinates", "length"]
-Column = Literal["time", "temperature", "direction", "payload", "session", "spindle"]
+Column = Literal["time", "temperature", "direction", "payload", "session", "spindle", "force"]
 Stage = Literal["command", "geometry", "stiffness", "load", "reading"]
 STAGES: dict[Entry, Stage] = {
     "command": "command", "drive_force": "command", "length": "geometry", "guide": "geometry", "carriage": "geometry",
@@ -106,6 +106,8 @@ class Inputs(Protocol):
     def payload(self) -> Array: ...  # kg
     @property
     def spindle(self) -> Array: ...  # angle of the spindle, rad
+    @property
+    def commanded_force(self) -> Array: ...  # of a force-controlled drive, by its column, N or N m
     @property
     def pull(self) -> Array: ...  # force of the earlier pass in the member or of the drive, N (tension positive)
     @property

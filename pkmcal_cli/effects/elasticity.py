@@ -103,6 +103,21 @@ PRELOAD = Effect(
     result="The machine deforms in the direction in which the redundant drive can load it.",
     action="Measure the force of {at}, or the motor current in both directions.",
 )
+FORCE_SCALE = Effect(
+    keyword="force_scale",
+    title="scale of the force of a force-controlled drive",
+    symbol="",
+    source="torque constant of a motor; sign and unit of the column of forces",
+    enters="drive_force",
+    parameters=(
+        EffectParameter(name="s", unit="1", range=0.4, text="true over commanded force, minus one; -2: opposite sign"),
+    ),
+    formula=lambda at, s: s * at.commanded_force,
+    needs=("force",),
+    cause="{at} pulls or pushes in proportion to the commanded force, but not with it: torque constant, sign or unit.",
+    result="The machine deforms more or less than modelled, in proportion to the commanded force of {at}.",
+    action="Check sign and unit of the column `{at}.force`; measure the force of {at} at two commanded forces.",
+)
 OVALITY = Effect(
     keyword="ovality",
     title="ovality of joints",

@@ -87,7 +87,7 @@ def build_system(topology: Topology, states: tuple[DriveState, ...], loaded: boo
     unknown_of[free] = np.arange(len(free))
     all_groups = topology.groups + topology.aims if aim else topology.groups
     row, groups = 0, []
-    for group, on in zip(all_groups, _active(topology, states, aim), strict=True):
+    for group, on in zip(all_groups, _active(topology, states, aim, loaded), strict=True):
         made = _group_map(topology, group, on, unknown_of, row, loaded)
         row = made.rows.stop
         groups.append(made)
@@ -105,9 +105,9 @@ def build_system(topology: Topology, states: tuple[DriveState, ...], loaded: boo
     )
 
 
-def _active(topology: Topology, states: tuple[DriveState, ...], aim: Aim) -> list[NDArray[np.bool_]]:
+def _active(topology: Topology, states: tuple[DriveState, ...], aim: Aim, loaded: bool) -> list[NDArray[np.bool_]]:
     """Which strains (E, m) of each group act; those of the aims come last."""
-    active = [np.ones(group.shape, dtype=bool) for group in topology.groups]
+    active = [np.ones(group.shape, dtype=bool) if loaded else ~group.springs for group in topology.groups]
     for drive, state in zip(topology.drives, states, strict=True):
         if drive.kind is DriveKind.STRAIN and state is not DriveState.ENGAGED:
             index, element, strain = drive.target

@@ -119,6 +119,10 @@ class Bar(Axial[V], Generic[V]):
     driven_by: ClassVar[tuple[str, ...]] = ("drives",)
 
     between: Two = Field(description="The two points that it connects")
+    spring: bool = Field(
+        default=False,
+        description="A spring: holds nothing in place, and need not be unstressed in the reference configuration",
+    )
 
 
 class Pulley(Entity, Generic[V]):

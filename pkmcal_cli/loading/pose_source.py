@@ -17,6 +17,7 @@ from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.loading.pose_channels import table_channels
 from pkmcal_cli.loading.poses import Poses, RowOrigin, failed_rows, joined_poses, origin_of, reference_poses
 from pkmcal_cli.loading.tool_coordinates import required_tool_point, tool_motion
+from pkmcal_cli.loading.unstated_forces import unstated_forces
 from pkmcal_cli.loading.workspace_poses import workspace_poses
 from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.model.travel_limits import TravelLimits
@@ -63,6 +64,8 @@ class PoseSource:
             self.notes = (self.tool.text, *notes)
         if self.path is None and (note := resting(self.loaded.model)):
             self.notes = (*self.notes, note)
+        if self.path is None:
+            self.notes = (*self.notes, *unstated_forces(self.loaded.machine))
 
     def __iter__(self) -> Iterator[Poses]:
         model = self.loaded.model

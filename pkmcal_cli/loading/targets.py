@@ -17,6 +17,7 @@ from pkmcal_cli.loading.grid import parse_grid, spread_count, spread_over
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.loading.poses import RowOrigin, origin_of
 from pkmcal_cli.loading.tool_coordinates import kept_note, required_tool_point, tool_motion, unusable_set
+from pkmcal_cli.loading.unstated_forces import unstated_forces
 from pkmcal_cli.loading.workspace_poses import workspace_points
 from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.prediction import Rows
@@ -120,7 +121,7 @@ def _of_grid(loaded: LoadedMachine, text: str, to: Listener) -> Targets:
     return Targets(
         poses=points.poses, held=points.held, coordinates=points.coordinates,
         rows=Rows(empty, empty), row_origin=lambda row: RowOrigin(None, row + 1, ""), tool=tool, covariates=(),
-        forces=False, grid=True, notes=(tool.text, *points.notes), inputs={},
+        forces=False, grid=True, notes=(tool.text, *points.notes, *unstated_forces(loaded.machine)), inputs={},
     )  # fmt: skip
 
 

@@ -88,7 +88,8 @@ def _numbers(machine: Machine, size: float) -> Iterator[tuple[Number, Band]]:
         yield from _banded(("sections", name), section, sides | {"area": (band[0] ** 2, band[1] ** 2)})
     for kind in ("bars", "telescopes", "ropes", "beams", "springs"):
         for name, member in getattr(machine, kind, {}).items():
-            driven = {"k": _STIFFNESS} if len(machine.actuators) > 1 else {}  # others: springs, fixtures
+            spring = len(machine.actuators) < 2 or getattr(member, "spring", False)  # or a fixture: as soft as may be
+            driven = {} if spring else {"k": _STIFFNESS}
             yield from _banded((kind, name), member, driven | {"EA": _AXIAL})
     for kind, least in (("bodies", _LIGHT * size), ("nodes", 0.0)):  # a node may be a mark, or the end of a wire
         for name, body in getattr(machine, kind).items():

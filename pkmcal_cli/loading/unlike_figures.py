@@ -73,11 +73,11 @@ def _section(doubts: Doubts, name: str, section: Section) -> Iterator[Fault]:
 
 
 def _unlike(doubts: Doubts) -> Iterator[Fault]:
-    """Stiffnesses far from those of their kind, and those of one guide or joint from each other."""
+    """Stiffnesses far from those of their kind, but of springs, and those of one guide or joint from each other."""
     machine = doubts.machine
     for kind, keys in (("bars", "k EA"), ("ropes", "k EA"), ("telescopes", "k EA"), ("actuators", "stiffness")):
         for key in keys.split():
-            members = getattr(machine, kind, {}).items()
+            members = ((n, m) for n, m in getattr(machine, kind, {}).items() if not getattr(m, "spring", False))
             numbers = [n for name, member in members for n in numbers_of((kind, name), member, (key,))]
             for dimension in dict.fromkeys(number.quantity.dimension for number in numbers):
                 yield from _among_like(doubts, [n for n in numbers if n.quantity.dimension == dimension])

@@ -22,6 +22,7 @@ from pkmcal_cli.mechanism.connection_points import (
     Point,
     offset_vectors_of,
     slides_of,
+    springs_of,
 )
 from pkmcal_cli.mechanism.topology import (
     GROUND,
@@ -119,7 +120,7 @@ class TopologyBuilder:
         rigid: Sequence[bool],
         triads: tuple[Array, Array] | None = None,
         prestress: Sequence[Number] | None = None,
-        rope: bool = False,
+        springs: Sequence[bool] = (),
         slides: Sequence[tuple[int, float]] = (),
     ) -> None:
         """An element between two connection points; `slides`: translations that add to its length, with factors."""
@@ -132,7 +133,8 @@ class TopologyBuilder:
                 stiffness=tuple(stiffness),
                 prestress=tuple(prestress or (0.0,) * len(element.strains)),
                 rigid=tuple(rigid),
-                rope=rope,
+                rope=False,
+                springs=tuple(springs),
                 slides=tuple(slides),
             )
         )
@@ -245,6 +247,7 @@ class TopologyBuilder:
             prestress=block("prestress", every, [member.prestress for member in members], element.strains),
             rigid=np.array([member.rigid for member in members], dtype=bool).reshape(len(every), -1),
             rope=np.array([member.rope for member in members], dtype=bool),
+            springs=springs_of(members),
             slides=slides_of(members, len(self.translations)),
         )
 

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.elements import Element
@@ -78,7 +79,13 @@ class Member:
     rigid: tuple[bool, ...]
     rope: bool
     path: bool = False
+    springs: tuple[bool, ...] = ()  # strains that only push and pull, and hold nothing in place; none if empty
     slides: tuple[tuple[int, float], ...] = ()  # translations that add to the natural length, with factors
+
+
+def springs_of(members: Sequence[Member]) -> NDArray[np.bool_]:
+    """Which strains of members (E, m) are springs."""
+    return np.array([member.springs or (False,) * len(member.element.strains) for member in members], dtype=bool)
 
 
 def slides_of(members: Sequence[Member], translations: int) -> Array:

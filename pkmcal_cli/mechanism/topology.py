@@ -86,12 +86,18 @@ class Group:
     prestress: slice  # coefficients, (E, m)
     rigid: NDArray[np.bool_]  # (E, m) constraint instead of stiffness
     rope: NDArray[np.bool_]  # (E,) carries no compression
+    springs: NDArray[np.bool_]  # (E, m) strains that act with loads only: springs that hold nothing in place
     slides: Array  # (T, E) what translations add to natural lengths; zero but where the element slides
 
     @property
     def shape(self) -> tuple[int, int]:
         """Number of elements and of strains of each."""
         return len(self.names), len(self.element.strains)
+
+    @property
+    def gaps(self) -> NDArray[np.bool_]:
+        """Which strains (E, m) are distances between parts that belong together."""
+        return self.element.gaps & ~self.springs
 
     @cached_property
     def owners(self) -> Index:

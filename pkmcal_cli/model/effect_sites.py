@@ -149,7 +149,7 @@ class _Ordinary(AtSite):
     """What formulas may ask for in an ordinary row: nothing is zero by chance; see `effects.Inputs`."""
 
     rows: int = 1
-    travel = normalised_travel = centred_travel = reading = pull = np.array([0.7])
+    travel = normalised_travel = centred_travel = reading = pull = commanded_force = np.array([0.7])
     time = normalised_time = temperature_rise = payload = spindle = np.array([0.7])
     direction = np.array([1.0])
 

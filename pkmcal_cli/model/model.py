@@ -222,7 +222,7 @@ class Model:
     @cached_property
     def overdetermined(self) -> bool:
         """Whether the drives' positions determine the pose more than once, and a point's pose says where that is."""
-        more = self.redundant_drives and len(self.held_drives) > self.motion_of(self.posed).freedoms
+        more = self.redundant_drives and len(self.held_drives) > self.motion_of(self.posed).freedoms > 0
         return bool(more) and self.held_points.completing(self.posed) is not None
 
     @cached_property

@@ -156,6 +156,13 @@ class SiteInputs(AtSite):
         return self._column("spindle")
 
     @property
+    def commanded_force(self) -> Array:
+        """Commanded force of a force-controlled drive: of the table, else as the machine file states it."""
+        stated = self.table.forces[:, self.site.actuator]
+        at = self.model.actuators[self.site.actuator].force_coefficient
+        return np.where(np.isnan(stated), self.model.topology.coefficients.constants[at], stated)
+
+    @property
     def pull(self) -> Array:
         """Force of the earlier pass in the member, or of the drive, N."""
         assert self.reactions is not None

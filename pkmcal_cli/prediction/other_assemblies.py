@@ -27,7 +27,7 @@ def largest_gap(model: Model, numbers: SystemNumbers, state: State) -> Array:
     strains = all_strains(model.exact, numbers, state)
     slack = slack_ropes(model.exact, numbers, strains, state)
     gaps = [
-        e * (group.elastic * group.group.element.gaps) * ~is_slack[:, :, None]
+        e * (group.elastic * group.group.gaps) * ~is_slack[:, :, None]
         for group, e, is_slack in zip(model.exact.groups, strains, slack, strict=True)
     ]
     return largest_strain(gaps, len(state)) / model.length

@@ -101,7 +101,7 @@ def _check_reach(model: Model, numbers: SystemNumbers, state: State, status: NDA
         numbers, state = numbers.take(good), state.take(good)
     strains = all_strains(model.rigid, numbers, state)
     groups = model.rigid.groups
-    gaps = [e * (group.elastic * group.group.element.gaps) for group, e in zip(groups, strains, strict=True)]
+    gaps = [e * (group.elastic * group.group.gaps) for group, e in zip(groups, strains, strict=True)]
     status[good[largest_strain(gaps, len(good)) > REACH * model.length]] = RowStatus.OUT_OF_REACH
 
 
@@ -123,7 +123,8 @@ def _failure(model: Model, coefficients: Array) -> NDArray[np.int_]:
     _check_reach(model, numbers, state, status)
     out = np.full(len(coefficients), RowStatus.OUT_OF_REACH)
     out[status == RowStatus.SOLVED] = RowStatus.WRONG_MODE
-    strain = largest_strain(all_strains(system, numbers, state), len(coefficients))
+    strains = zip(model.topology.groups, all_strains(system, numbers, state), strict=True)
+    strain = largest_strain([e * ~group.springs for group, e in strains], len(coefficients))
     closed = np.isfinite(strain) & (strain < 1e-6 * model.length) & (status != RowStatus.SOLVED)
     out[closed] = RowStatus.SINGULAR
     return out
@@ -136,6 +137,8 @@ def relaxed_coefficients(model: Model, coefficients: Array, state: State, drives
         out[:, group.prestress] = 0.0
     out[:, topology.force_coefficients] = 0.0
     strains = all_strains(system, coefficients, state)
+    for group, strain in zip(topology.groups, strains, strict=True):
+        out[:, group.rest] += (strain * group.springs).reshape(len(out), -1)
     for drive in drives:
         if drive.kind is DriveKind.TRAVEL:
             out[:, drive.coefficient] = state.translation[:, drive.target[0]]

@@ -140,7 +140,9 @@ class Needs:
                 column = self.columns[f"{name}.force", "force"]
                 b = self.columns_bound.get((column.name, "force"))
                 if b is None:
-                    self._missing(f"missing column `{column.header}` (force of actuator {name})", column)
+                    message = f"missing column `{column.header}` (force of actuator {name})"
+                    hint = f"{self._remedy([column])}; or state a constant `force` of {name} in the machine file"
+                    self.log.add(Flaw("csv-missing", message, hint, self.reader.format.header_line))
                 else:
                     required[b.index] = (
                         f"give the force of actuator {name} in every row, or `otherwise` in the machine file"

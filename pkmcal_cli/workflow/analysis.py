@@ -49,6 +49,7 @@ from pkmcal_cli.workflow.shift_table import write_shifts
 from pkmcal_cli.workflow.stated_sizes import stated_sizes
 from pkmcal_cli.workflow.tensioned_poses import tensioned_poses
 from pkmcal_cli.workflow.touched_poses import touching_poses
+from pkmcal_cli.workflow.unstrained import is_unstrained
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -224,7 +225,7 @@ class Observed:
     tool: ToolPoint | None
     missed: tuple[str, ...]
     inputs: Mapping[str, str]  # sha256 by name
-    unstrained: bool  # a redundant machine at nominal parameters
+    unstrained: bool  # a redundant machine at nominal parameters that nothing loads
 
     def json(self) -> dict[str, Any]:
         """The result for programs."""
@@ -256,7 +257,7 @@ def observed(request: AnalysisRequest, to: Listener, machine: LoadedMachine | No
         tool=predicted.tool,
         missed=tuple(n for n in s.selected if n in lost & named(model, request.select or "")),
         inputs=s.inputs,
-        unstrained=request.parameters is None and s.loaded.compiled.mobility.redundancy > 0,
+        unstrained=is_unstrained(s.loaded, request.parameters, used.rows),
     )
 
 

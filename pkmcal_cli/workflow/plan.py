@@ -50,6 +50,7 @@ from pkmcal_cli.workflow.schedule_forms import check_drives, check_form
 from pkmcal_cli.workflow.state import State, check_state
 from pkmcal_cli.workflow.tensioned_poses import tensioned_poses
 from pkmcal_cli.workflow.touched_poses import touching_poses
+from pkmcal_cli.workflow.unstrained import is_unstrained
 
 _POOL = 400  # candidate points, at least; twice as many as are wanted
 _NEXT = 'write e.g. pkmcal plan M.yaml MEAS.csv --next --budget 40 --aim "l1 5 um"'
@@ -111,8 +112,7 @@ def run_plan(request: PlanRequest) -> int:
     campaigns = Campaigns(plan, values, selected, request.alpha, request.seed)
     aimed = () if goal is None else goal.effects
     rates = power_of_plan(request.power, aimed, campaigns, workers, _state(request, inputs), to)
-    unstrained = request.parameters is None and loaded.compiled.mobility.redundancy > 0
-    bench = _bench(problem, values, selected)
+    unstrained, bench = is_unstrained(loaded, request.parameters, rows), _bench(problem, values, selected)
     report = PlanReport(loaded.machine, plan, unstrained=unstrained, added=added, bench=bench, rates=rates)
     report.show(to)
     drawn = PlannedRows(values, problem.rows, None if added is None else added.points.rows)

@@ -18,6 +18,7 @@ from pkmcal_cli.loading.pose_channels import Channels
 from pkmcal_cli.loading.pose_source import PoseSource
 from pkmcal_cli.loading.poses import Poses, failed_rows, reference_poses
 from pkmcal_cli.loading.tool_coordinates import required_tool_point
+from pkmcal_cli.loading.unstated_forces import unstated_forces
 from pkmcal_cli.loading.workspace_poses import workspace_poses
 from pkmcal_cli.report.failed_rows import GRID_POINT, FailedRows, SkippedPoints
 
@@ -91,7 +92,7 @@ def pose_set(to: Listener, loaded: LoadedMachine, path: str | None, grid: str | 
 def default_poses(to: Listener, loaded: LoadedMachine) -> PoseSet:
     """Poses where none are given: spread over the workspace, else the reference configuration alone."""
     model = loaded.model
-    at_reference = [note] if (note := resting(model)) else []
+    at_reference = [*([note] if (note := resting(model)) else []), *unstated_forces(loaded.machine)]
     if model.workspace is not None:
         poses, notes = workspace_poses(loaded, model.workspace, _SPREAD, to)
         tool = required_tool_point(loaded)

@@ -29,6 +29,7 @@ from pkmcal_cli.units.file_units import FileUnits
 from pkmcal_cli.workflow.arguments import one_stdin, selection
 from pkmcal_cli.workflow.effects_request import EffectsRequest
 from pkmcal_cli.workflow.pose_set import PoseSet, default_poses, pose_set
+from pkmcal_cli.workflow.unstrained import is_unstrained
 
 _POSES = 30  # that are drawn where none are given
 
@@ -55,7 +56,7 @@ def run_simulated_effects(machine: str, request: EffectsRequest) -> int:
     report = EffectsReport(problem.model, len(problem), simulated, _absent(loaded, model, candidates))
     report.show(to)
     Loads.of(problem.model, values, problem.rows, poses.poses.row_origin, still.start).show(to)
-    unstrained = request.parameters is None and loaded.compiled.mobility.redundancy > 0
+    unstrained = is_unstrained(loaded, request.parameters, problem.rows)
     if unstrained and any(s.reason == UNLOADED for s in simulated):
         to.say(UNSTRAINED)
     if request.as_json:

@@ -13,7 +13,7 @@ from pkmcal_cli.language.checks.validation import Quarantine
 from pkmcal_cli.language.checks.workspaces import check_workspace
 from pkmcal_cli.language.fields import PLANAR
 from pkmcal_cli.language.instruments import KINDS, Actuator
-from pkmcal_cli.language.machine import Axial, Beam, Stiffness, WrittenMachine
+from pkmcal_cli.language.machine import Axial, Bar, Beam, Stiffness, WrittenMachine
 from pkmcal_cli.language.members import PLANAR_JOINTS, End, Joint, Pulley
 from pkmcal_cli.language.quantities import Written, WrittenValue
 from pkmcal_cli.language.sections import sections_of, sections_with
@@ -55,6 +55,9 @@ class ConsistencyCheck:
                     self._fault(
                         "`EA` and `k` cannot both be given", (kind, name, "k"), "delete one of them", at_key=True
                     )
+        for name, bar in machine.bars.items():
+            if bar.spring:
+                self._check_spring(name, bar)
         for name, joint in machine.joints.items():
             self._check_joint(("joints", name), joint.type, joint)
             self._check_stiffness(("joints", name, "stiffness"), joint.stiffness)
@@ -68,6 +71,17 @@ class ConsistencyCheck:
         check_workspace(machine, self._fault)
         self._check_columns()
         self._check_weight()
+
+    def _check_spring(self, name: str, bar: Bar[Written]) -> None:
+        """A spring states how stiff it is and how long unstressed, and no drive holds its length."""
+        path: Path = ("bars", name, "spring")
+        if bar.length is None or (bar.k is None and bar.EA is None):
+            lacks = "length" if bar.length is None else "k"
+            self._missing(f"a spring needs `{lacks}`", path, "state `k`, and `length`, which is unstressed")
+        for drive, actuator in self.machine.actuators.items():
+            if actuator.drives == name:
+                hint = "delete `spring`, or let the drive act on another member"
+                self._fault(f"`{drive}` drives a spring, which holds nothing in place", path, hint, at_key=True)
 
     @property
     def planar(self) -> bool:
