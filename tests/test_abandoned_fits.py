@@ -85,7 +85,7 @@ def test_what_is_lost_at_some_values_is_not_looked_for_again_at_them(monkeypatch
     lost = ~first.prediction.solved
     assert lost.sum() == 11
     monkeypatch.setattr(solving, "_from_reference", lambda *given: pytest.fail("looked for"))
-    again = evaluate(problem, problem.model.nominal, None, first.start.at_same_values())
+    again = evaluate(problem, problem.model.nominal, None, first.start)
     assert (again.prediction.solved == ~lost).all()
     assert again.prediction.values[~lost] == pytest.approx(first.prediction.values[~lost], abs=1e-12)
 

@@ -33,7 +33,8 @@ def led(problem: Problem, scale: Scaled, first: Evaluation, hopeless: float) -> 
         if not len(rows):
             break
         part = problem.take(rows)
-        lead = evaluate_condensed(part, evaluation.values, scale.names, shift=evaluation.shift[rows])
+        states, shift = evaluation.start.take(rows), evaluation.shift[rows]
+        lead = evaluate_condensed(part, evaluation.values, scale.names, states, shift)
         region, status = Region(), ""
         for _ in range(_LEAD if lead.solved else 0):
             lead, region, status = advance(part, scale, lead, condensed(part, lead), region, hopeless)

@@ -55,6 +55,7 @@ def outcome(
         misfit=solution.misfit,
         ropes=ropes,
         steps=solution.steps,
+        sought=solution.sought,
     )
 
 

@@ -176,7 +176,10 @@ def _joined(parts: list[Prediction]) -> Prediction:
     starts = np.cumsum([0, *(len(p.status) for p in parts)]).tolist()
     slack = {start + row: names for start, p in zip(starts, parts, strict=False) for row, names in p.slack.items()}
     ropes = None if parts[0].ropes is None else joined_rope_strains([p.ropes for p in parts if p.ropes is not None])
-    first = replace(parts[0], slack=slack, steps=sum(p.steps for p in parts), ropes=ropes)
+    asked = [p.sought for p in parts if p.sought is not None]
+    whole = len(asked) == len(parts)
+    sought = replace(asked[0], marks=np.concatenate([a.marks for a in asked])) if whole else None
+    first = replace(parts[0], slack=slack, steps=sum(p.steps for p in parts), ropes=ropes, sought=sought)
     columns = {name: [getattr(p, name) for p in parts] for name in (*_LEAN, *_FULL)}
     states = {name: [getattr(p.state, name) for p in parts] for name in _STATE}
     parts.clear()

@@ -127,35 +127,53 @@ class RopeStrains:
 
 
 @dataclass(frozen=True)
+class Sought:
+    """At which numbers of N rows a model was asked, and compared with its other assemblies, as `marks` (N,) of them.
+
+    There it would answer the same, so nobody has to ask again.
+    """
+
+    model: object
+    marks: Array
+
+    @classmethod
+    def at(cls, model: object, coefficients: Array, scale: Array) -> Sought:
+        """Marks of coefficients (N, S): sums in sizes of each (S,), so that what changes by more than rounding shows.
+
+        Summed row by row, so that they do not depend on which rows are asked together.
+        """
+        weights = np.random.default_rng(0).uniform(1.0, 2.0, len(scale)) / scale
+        return cls(model, np.einsum("ns,s->n", coefficients, weights))
+
+    def answers(self, other: Sought) -> bool:
+        """Whether all rows of another one are the same; never where a number is nan."""
+        return self.model is other.model and bool((self.marks == other.marks).all())
+
+
+@dataclass(frozen=True)
 class WarmStart:
     """States of N rows from an earlier prediction, and what became of them there.
 
     misfit (N,): how far the drives' positions disagreed when the pose was compared with all others, or was seen to be
     too far from singular ones for another to be near, in sizes of the machine; 0 where it was neither. slack (N,): rows
-    in which a rope was slack, where that is known.
+    in which a rope was slack, where that is known; sought: at which numbers, where they were compared with others.
     """
 
     state: State
     status: NDArray[np.int_]
     misfit: Array
     slack: NDArray[np.bool_] | None = None
+    sought: Sought | None = None
 
     def take(self, rows: slice | NDArray[np.intp]) -> WarmStart:
         """Some rows."""
         slack = None if self.slack is None else some_rows(self.slack, rows)
-        return WarmStart(self.state.take(rows), some_rows(self.status, rows), some_rows(self.misfit, rows), slack)
+        at = None if self.sought is None else replace(self.sought, marks=self.sought.marks[rows])
+        return WarmStart(self.state.take(rows), some_rows(self.status, rows), some_rows(self.misfit, rows), slack, at)
 
     def renewed(self) -> WarmStart:
         """The same where no row is known to be out of reach: those without a solution are looked for again."""
         return replace(self, misfit=np.where(self.status == RowStatus.SOLVED, self.misfit, 0.0))
-
-    def at_same_values(self) -> WarmStart:
-        """The same for predictions at the same values: rows without a solution are not looked for again."""
-        lost = self.status != RowStatus.SOLVED
-        if not lost.any():
-            return self
-        status = np.where(lost, RowStatus.OUT_OF_REACH, self.status)
-        return replace(self, status=status, misfit=np.where(lost, np.inf, self.misfit))
 
     def hopeless(self, misfit: float) -> WarmStart | None:
         """What is known of rows whose drives disagree by more, in sizes of the machine; nothing of the others.
@@ -166,7 +184,7 @@ class WarmStart:
         if not lost.any():
             return None
         status = np.where(lost, self.status, RowStatus.NOT_CONVERGED)
-        return replace(self, status=status, misfit=np.where(lost, self.misfit, 0.0))
+        return replace(self, status=status, misfit=np.where(lost, self.misfit, 0.0), sought=None)
 
     def put(self, rows: NDArray[np.intp], other: WarmStart) -> WarmStart:
         """These with some rows taken from `other`."""
@@ -182,7 +200,7 @@ class Prediction:
     jacobian: (N, C, P') with respect to the asked parameters; by_drive: (N, C, A) with respect to drive readings;
     by_partner: (N, C, A) with respect to those of the row that is joined; forces: (N, A) of drives, N or N m; energy:
     (N,) strain energy, J; tension: (N, R) of ropes with a least tension, N; slack: names of slack
-    ropes by row; misfit: as in `WarmStart`.
+    ropes by row; misfit, sought: as in `WarmStart`.
     """
 
     values: Array
@@ -198,13 +216,14 @@ class Prediction:
     steps: int
     ropes: RopeStrains | None = None
     by_partner: Array | None = None
+    sought: Sought | None = None
 
     @property
     def start(self) -> WarmStart:
         """Where a prediction of the same rows may start."""
         slack = np.zeros(len(self.status), dtype=bool)
         slack[list(self.slack)] = True
-        return WarmStart(self.state, self.status, self.misfit, slack)
+        return WarmStart(self.state, self.status, self.misfit, slack, self.sought)
 
     @property
     def solved(self) -> NDArray[np.bool_]:

@@ -31,7 +31,7 @@ from pkmcal_cli.model.singular_drives import substructure_holds
 from pkmcal_cli.prediction.common_pose import common_pose
 from pkmcal_cli.prediction.other_assemblies import largest_gap, no_other_near, still_compared, turned_over
 from pkmcal_cli.prediction.rigid_pose import relaxed_coefficients, rigid_pose, substructure_pose
-from pkmcal_cli.prediction.rows import Method, WarmStart
+from pkmcal_cli.prediction.rows import Method, Sought, WarmStart
 
 _ROUGH = NewtonOptions(curved=False, tolerance=1e-3)  # of its last step: the error, about the square, is far less
 _ELASTIC = NewtonOptions(contraction=0.9, rebound=0.25, reach=0.5)
@@ -46,7 +46,7 @@ class Solution:
     """States of N rows and how they were found.
 
     system: the one that they solve, or nearly; misfit (N,): up to which the pose was compared with others; taut: ropes
-    push too.
+    push too; sought: see `WarmStart`.
     """
 
     system: System
@@ -57,6 +57,7 @@ class Solution:
     taut: bool
     steps: int
     numbers: SystemNumbers  # what the coefficients say about the system
+    sought: Sought | None = None
 
     @property
     def failed(self) -> NDArray[np.bool_]:
@@ -85,7 +86,7 @@ def _solve(
         rows = _equilibrium(model, coefficients, numbers, start, compare, effort)
         return Solution(
             system=model.exact, coefficients=coefficients, state=rows.state, status=rows.status, misfit=rows.misfit,
-            taut=False, steps=effort.steps, numbers=numbers,
+            taut=False, steps=effort.steps, numbers=numbers, sought=rows.sought,
         )  # fmt: skip
     state, status = substructure_pose(model, coefficients, effort)
     if method == "linear":
@@ -105,7 +106,27 @@ def _equilibrium(
     compare: bool,
     effort: Effort,
 ) -> WarmStart:
-    """The stable equilibrium of least strain energy: as found; where that is in doubt, from the common pose too."""
+    """The stable equilibrium of least strain energy: as found; where that is in doubt, from the common pose too.
+
+    At the same numbers as before it is the same: that in which a row has no solution is dear to see again.
+    """
+    size = np.abs(model.reference_coefficients[0])
+    asked = Sought.at(model, coefficients, np.where(size > 0.0, size, min(1.0, model.length)))
+    if start is not None and start.sought is not None and start.sought.answers(asked):
+        return start
+    rows = _searched(model, coefficients, numbers, start, compare, effort)
+    return replace(rows, sought=asked) if compare else rows
+
+
+def _searched(
+    model: Model,
+    coefficients: Array,
+    numbers: SystemNumbers,
+    start: WarmStart | None,
+    compare: bool,
+    effort: Effort,
+) -> WarmStart:
+    """By Newton's steps from the reference configuration or earlier states (`_equilibrium`)."""
     if start is None:
         rows = _from_reference(model, coefficients, numbers, effort)
     else:

@@ -180,9 +180,8 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
     """Calibrate; `to`: who is told what there is to say of the files. Raises PkmcalError."""
     _say_of_files(s, to)
     states = evaluate(s.problem, s.start.values).start
-    known = states.at_same_values()
-    sample = sample_at(s.loaded, s.problem, s.start.values, known)
-    hints = measurement_hints(s.loaded, s.problem, s.start.values, s.measured, known, sample)
+    sample = sample_at(s.loaded, s.problem, s.start.values, states)
+    hints = measurement_hints(s.loaded, s.problem, s.start.values, s.measured, states, sample)
     wrong_table = bool(hints) and not s.request.accept
     if not hints and s.request.fit_options.loss == "squares":
         hints = rows_far_off(sample, s.measured)
@@ -190,7 +189,7 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
         to.warn(f"warning: {hint}")
     for text in outside_text(outside_knots(s.problem.model, s.problem.rows)):
         to.warn(text)
-    s = _determined(s, known, to)
+    s = _determined(s, states, to)
     options, row_origin = s.request.fit_options, partial(origin_of, s.measured)
     beyond = BeyondNoise() if hints else beyond_noise(s.problem, s.selected, s.start.values, states)
     odd = odd_readings(s.loaded, s.problem, beyond, row_origin)
@@ -203,7 +202,7 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
     steps = _STEPS_IN_DOUBT if hints else STEPS
     with to.stages() as observe:
         robust_fit = _fit(s, states, options, to, observe, steps=steps, wrong_table=wrong_table, gross=beyond.rows)
-        del states, known  # of a long table they are large
+        del states  # of a long table they are large
         fit = robust_fit.robust.fit
         s = replace(s, problem=s.problem.without(fit.failed))
         if s.apart is None:
