@@ -49,6 +49,7 @@ NAMES = ("a", "b", "c", "d", "e", "r")
 NOMINAL = {"a": np.radians(10), "b": 2.0, "c": 0.1, "d": -0.3, "e": np.radians(5), "r": 0.09}
 OFF = {"a": np.radians(-25), "b": 1.2, "c": 0.4, "d": 0.2, "e": np.radians(35), "r": 0.095}
 AXES = ("[sin(a), 0.2, b*cos(a)]", "[c, 1, d]", "[cos(e), 3*sin(e), c]")
+TURN = np.radians([10.0, 20.0, -30.0])
 READINGS = np.array([[0.0, 0.0, 0.0], [0.5, -0.7, 0.02], [-1.3, 1.1, -0.03], [2.0, 0.4, 0.05]])
 
 
@@ -85,7 +86,7 @@ def product_of_exponentials(values: dict[str, complex], reading: Array) -> Array
     """x, y, z and the orientation matrix at one reading, flat (12,)."""
     first, second, third = along(values)
     shoulder, elbow = turned(first, reading[0]), turned(second, reading[1])
-    upper = turned(np.radians([10.0, 20.0, -30.0]), np.linalg.norm(np.radians([10.0, 20.0, -30.0])))
+    upper = turned(TURN, np.linalg.norm(TURN))
     lower = shoulder @ elbow
     out = np.array([0.01, 0.02, 0.03]) + shoulder @ upper @ np.array([0.06, -0.02, 0.1])
     out = out + lower @ (np.array([0.0, 0.005, 0.0]) + (0.05 + reading[2]) * third / np.sqrt(third @ third))
@@ -131,15 +132,26 @@ def test_derivatives_by_drives_that_carry_such_axes() -> None:
             assert found.by_drive[row, :3, k] == pytest.approx(stepped[:3].imag / 1e-30, abs=1e-14)
 
 
-@pytest.mark.parametrize("springs", [("", ""), ("{rz: 1 kNm/rad}", "{rx: 3 kNm/rad, ry: 1 kNm/rad, x: 2 kN/mm}")])
+ELASTIC = "{rx: 3 kNm/rad, ry: 1 kNm/rad, x: 2 kN/mm}"
+
+
+@pytest.mark.parametrize("springs", [("", ""), ("", ELASTIC), ("{rz: 1 kNm/rad}", ELASTIC)])
 def test_parameters_do_what_numbers_do(springs: tuple[str, str]) -> None:
-    """Where the parameters are is the same as what the file says, also of springs across the axes, and of loads."""
+    """Where the parameters are is the same as what the file says, also of springs across the axes, and of loads.
+
+    The file draws the elbow where it is: an elastic joint that is drawn apart closes elsewhere with other axes.
+    """
     load = "gravity: [1, 2, -9.81]\nloads: {f: {at: P, force: [30, 40, 50], moment: [1 Nm, 2 Nm, -3 Nm]}}\n"
     numbers = tuple(str(axis.tolist()) for axis in along(OFF))
-    by_parameters = at(model(load + arm(NOMINAL, springs=springs)), READINGS, **OFF).values
-    text = re.sub("parameters: .*", "parameters: {r: 90}", load + arm(OFF, numbers, springs))
-    by_numbers = at(model(text), READINGS, r=OFF["r"]).values
+    elbow = np.array([10.0, 20.0, 30.0]) + turned(TURN, np.linalg.norm(TURN)).real @ np.array([60.0, -20.0, 100.0])
+    texts = load + arm(NOMINAL, springs=springs), load + arm(OFF, numbers, springs)
+    drawn, other = (text.replace("lower: {at: [50, 20, 150]", f"lower: {{at: {elbow.tolist()}") for text in texts)
+    by_parameters = at(model(drawn), READINGS, **OFF).values
+    by_numbers = at(model(re.sub("parameters: .*", "parameters: {r: 90}", other)), READINGS, r=OFF["r"]).values
     assert by_parameters == pytest.approx(by_numbers, abs=1e-12)
+    rigid = at(model(arm(NOMINAL)), READINGS, **OFF).values
+    yields = np.abs(by_parameters - rigid)[:, :3].max()
+    assert (yields > 1e-4) == bool(springs[1]), "but a spring beside a rigid drive does nothing"
 
 
 RAIL = (
