@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pkmcal_cli.calibration.measured_problem import problem_of
+from pkmcal_cli.gross_errors.displaced import OtherPlace
 from pkmcal_cli.gross_errors.hints import suspicions
 from pkmcal_cli.gross_errors.plausibility import Hint
 from pkmcal_cli.gross_errors.put_right import put_right
@@ -94,12 +95,28 @@ def test_poses_of_a_turned_instrument_are_turned_back() -> None:
     hints, measured = suspected("hexapod7", table("hexapod7", moved))
     (hint,) = hints
     place = hint.places[0]
+    assert isinstance(place, OtherPlace)
     assert (Rotation.from_matrix(place.rotation) * turn).magnitude() < 1e-3
     right = put_right(measured, hints)
     assert right is not None
     unmoved = suspected("hexapod7", table("hexapod7", lambda read: None))[1].readings
     assert np.abs(right.readings - unmoved)[:, :3].max() < 0.2e-3
     assert np.abs(right.readings - unmoved)[:, 3:].max() < 1e-3
+
+
+def test_a_tool_of_another_length_is_another_point_of_the_body() -> None:
+    """30 mm along z of the platform, which tilts: put right, the readings are those of the shipped table."""
+    def longer(read: dict[str, float]) -> None:
+        away = Rotation.from_rotvec([read[n] for n in ("rx", "ry", "rz")]).apply([0.0, 0.0, 30.0])
+        for name, value in zip("xyz", away, strict=True):
+            read[name] += value
+
+    hints, measured = suspected("hexapod7", table("hexapod7", longer))
+    assert "at another point of the body, away by `z` 30" in hints[0].message
+    right, unmoved = put_right(measured, hints), suspected("hexapod7", table("hexapod7", lambda read: None))[1]
+    assert right is not None and np.abs(right.readings - unmoved.readings).max() < 0.2e-3
+    done = run("diagnose", MACHINES / "hexapod7.yaml", table("hexapod7", longer), "--json", "-q")
+    assert done.json["verdict"] == "measurement_fault" and done.json["effects"] == []
 
 
 @pytest.mark.parametrize("size", [0.5, 1.3])

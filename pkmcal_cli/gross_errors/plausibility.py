@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,17 +52,11 @@ class MovedReadings:
     unsure: int
 
 
-@dataclass(frozen=True)
-class OtherPlace:
-    """Channels of points and of rotation vectors that were read from another place, by name.
+class Displaced(Protocol):
+    """Readings that were taken elsewhere than the machine file says."""
 
-    rotation (d, d) and shift (d,), m, lead from what was read to what would have been read from the stated place.
-    """
-
-    points: tuple[tuple[str, ...], ...]
-    turns: tuple[tuple[str, ...], ...]
-    rotation: FloatArray
-    shift: FloatArray
+    def put_back(self, readings: FloatArray, names: Sequence[str]) -> FloatArray:
+        """Readings (N, C) of channels of these names as they would have been where it says."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +76,7 @@ class Hint:
     rows: tuple[int, ...] = ()
     columns: tuple[Right, ...] = ()
     moved: tuple[MovedReadings, ...] = ()
-    places: tuple[OtherPlace, ...] = ()
+    places: tuple[Displaced, ...] = ()
 
     @property
     def mends(self) -> bool:

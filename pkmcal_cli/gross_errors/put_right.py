@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from pkmcal_cli.gross_errors.other_place import from_stated_place
 from pkmcal_cli.gross_errors.plausibility import Hint, MovedReadings, Right
 from pkmcal_cli.gross_errors.row_shift import apply_shifts
 from pkmcal_cli.tables.measurement_set import Measurements
@@ -24,7 +23,7 @@ def put_right(measured: Measurements, hints: Sequence[Hint]) -> Measurements | N
     measured = _columns_right(measured, [change for hint in hints for change in hint.columns])
     measured = _rows_right(measured, [moved for hint in hints for moved in hint.moved])
     for place in (place for hint in hints for place in hint.places):
-        measured = replace(measured, readings=from_stated_place(measured.readings, measured.channels, place))
+        measured = replace(measured, readings=place.put_back(measured.readings, measured.channels))
     return measured
 
 
