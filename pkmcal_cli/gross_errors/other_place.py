@@ -151,7 +151,7 @@ class _Seen:
         return rows, (rows[:, None], np.array(self.points)[which])
 
     def _beside(self, left: FloatArray, at: Cells, motions: FloatArray) -> FloatArray:
-        """How much (f,) of what moves points (m, d, f) explains what is left (m, d), beside parameters within ranges."""
+        """How much (f,) of what moves points (m, d, f) explains what is left (m, d), beside parameters in ranges."""
         sigma, free = self.sample.part.sigma[at], motions.shape[2]
         by_all = np.concatenate([motions, self._by_ranges[at]], axis=2) / sigma[..., None]
         within = np.eye(by_all.shape[2])[free:]
