@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 from tests.command import run
 from tests.export_readers import added, csv_tables
 
-EA, WEIGHT, LEAST = 50e3, 98.1, 20.0  # N
+EA, WEIGHT, LEAST, MOST = 50e3, 98.1, 20.0, 25.0  # N
 WINCH = f"""
 units: {{length: mm, angle: deg, force: N}}
 space: planar
@@ -25,7 +25,7 @@ ropes:
 actuators:
   q1: {{winds: r1, zero: home, force_limit: 200}}
   q2: {{winds: r2, zero: home, force_limit: 200}}
-  q3: {{winds: r3, zero: home, force_limit: 200, redundant: true}}
+  q3: {{winds: r3, zero: home, force_limit: {MOST:g}, redundant: true}}
 sensors: {{camera: {{at: load, reads: [x, y], sigma: 0.1, frame: machine}}}}
 """
 ANCHORS, HOME = np.array([[0.0, 1.5], [2.0, 1.5], [1.0, 0.0]]), np.array([1.0, 0.8])
@@ -77,6 +77,10 @@ def test_ropes_that_tables_leave_slack_are_named() -> None:
     assert done.json["loads"]["t_min"][2]["n_rows"] == 0
     slack = int((pulls[:, 2] <= 0.0).sum())
     assert done.json["export"]["loads"]["slack"]["n_rows"] == slack
+    above = (pulls[:, 2] > 1.01 * MOST).sum()
+    over = {e["actuator"]: e["n_rows"] for e in done.json["export"]["loads"]["force_limit"]}
+    assert over == {"q1": 0, "q2": 0, "q3": above} and 2 < above < 16
+    assert f"with `csv`: force of `q3` above its `force_limit` of 25 N in {above} of 16 rows" in done.err
     assert f"with `csv`: tension of rope `r3` below its `t_min` of 20 N in {below.sum()} of 16 rows" in done.err
     assert "tension of rope `r3` below" in Path("t.csv.provenance.yaml").read_text()
 

@@ -92,6 +92,7 @@ def test_noise_as_it_is_stated_asks_for_no_search_but_by_chance() -> None:
         noise = np.sqrt(rng.chisquare(dof, 4000) / dof)
         rates = [np.mean([bool(advice(f * n, dof, 30)) for n in noise]) for f in (1.0, 1.2)]
         assert rates[0] < 0.06 and rates[1] > larger
+    assert not advice(1.09, 3000, 1500) and advice(1.11, 3000, 1500), "nobody states noise better than by a tenth"
 
 
 @pytest.mark.slow

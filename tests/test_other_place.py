@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.gross_errors.displaced import OtherPlace
-from pkmcal_cli.gross_errors.hints import suspicions
+from pkmcal_cli.gross_errors.hints import sample_at, suspicions
+from pkmcal_cli.gross_errors.other_place import _Seen
 from pkmcal_cli.gross_errors.plausibility import Hint
 from pkmcal_cli.gross_errors.put_right import put_right
 from pkmcal_cli.loading.load_machine import load_machine, load_measurements
@@ -134,11 +136,38 @@ def test_a_rod_of_another_length_is_no_other_place() -> None:
     assert "another place" not in done.err
 
 
+@pytest.mark.parametrize(("size", "told"), [(30.0, True), (8.0, False)])
+def test_a_shift_beside_a_rod_that_is_off_is_told_where_it_is_nearly_all(size: float, told: bool) -> None:
+    """The rod is 1 mm longer, ten ranges, which moves points by some 0.7 mm; of 8 mm much may be of parameters too."""
+    Path("m.yaml").write_text(f"extends: {MACHINES / 'triglide-nonredundant.yaml'}\nparameters: {{l1: 299}}\n")
+
+    def moved(read: dict[str, float]) -> None:
+        read["x"] += size
+
+    done = run("check", "m.yaml", table("triglide-nonredundant", moved))
+    assert (TOLD in done.err) == told
+
+
+def test_a_place_nearby_is_moved_to_the_right_one() -> None:
+    """From one that is turned by 0.01 rad and 2 mm away, as the stated parameters turn and shift points too."""
+    loaded = load_machine(str(MACHINES / "hexapod7.yaml"))
+    measured = load_measurements(loaded, [table("hexapod7", lambda read: None)])
+    problem = problem_of(loaded.model, measured)
+    sample = sample_at(loaded, problem, problem.model.nominal)
+    seen = _Seen(sample, "tracker", *sample.standing["tracker"])
+    wrong = replace(seen._place(), rotation=Rotation.from_rotvec([0.006, -0.008, 0.0]).as_matrix())
+    right = seen._refined(replace(wrong, shift=np.array([2e-3, 0.0, 0.0])), True)
+    assert Rotation.from_matrix(right.rotation).magnitude() < 1e-3
+    assert np.abs(right.put_back(measured.readings, seen.names) - measured.readings)[:, :3].max() < 0.3e-3
+
+
 def test_a_session_in_which_the_instrument_was_moved_is_named() -> None:
     lines = Path(table("triglide", lambda read: None)).read_text().splitlines()
     late = Path(table("triglide", shifted)).read_text().splitlines()
     rows = [f"a,{line}" for line in lines[1:120]] + [f"b,{line}" for line in late[120:]]
     Path("s.csv").write_text("\n".join([f"session,{lines[0]}", *rows, ""]))
+    hints, measured = suspected("triglide", "s.csv")
+    assert put_right(measured, hints) is None, "which would move the other session too"
     done = run("check", MACHINES / "triglide.yaml", "s.csv")
     assert done.code == 1 and f"in session `b` {TOLD}shifted by `x` 30 mm" in done.err
 

@@ -36,6 +36,7 @@ Cells = tuple[IntArray, IntArray]
 
 _FAR = 30.0
 """Times what parameters in their ranges and noise cause: less may be ranges that were guessed too small."""
+_NEARLY_ALL = 0.05  # of what is off: who explains all but so much is right, whatever else is wrong
 _MUCH = 0.1  # share of the largest component from which on another one is told
 _AS_WELL = 1.5  # times what another explanation leaves: a simpler one does as well
 _PLACE = "if it stands there, state `frame: fitted`, else look for another origin, tool or zero"
@@ -81,7 +82,8 @@ class _Seen:
         rest = self._left(displaced)
         known = np.isfinite(far) & np.isfinite(rest)
         before, after = rms(far[known]), rms(rest[known])
-        if not known.any() or (rest > GROSS * expected)[known].any() or after > BETTER * before:
+        explained = (rest <= GROSS * expected)[known].all() or after <= _NEARLY_ALL * before
+        if not (known.any() and explained) or after > BETTER * before:
             return None
         proof = evidence(parse_unit(self.sample.part.model.channels[columns[0]].unit), before, after)
         message = f"the readings of `{self.instrument}` look taken {where}: {proof} without that; {remedy}"
