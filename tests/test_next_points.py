@@ -95,6 +95,17 @@ def test_noise_as_it_is_stated_asks_for_no_search_but_by_chance() -> None:
     assert not advice(1.09, 3000, 1500) and advice(1.11, 3000, 1500), "nobody states noise better than by a tenth"
 
 
+def test_a_machine_with_backlash_whose_first_side_is_unknown(tmp_path: Path) -> None:
+    """As `improve` adds it: half of it is an uncertainty of the first row, and of no point that is planned."""
+    machine, file = tmp_path / "m.yaml", tmp_path / "a.csv"
+    machine.write_text(f"extends: {MACHINE}\neffects: {{backlash@q1: {{b: 20 um}}}}\n", encoding="utf-8")
+    readings, values, _ = campaign(CASES[0], 1, 5)
+    file.write_text(table(readings, values), encoding="utf-8")
+    for more in (("--next", "--budget", 60, "--aim", "l1 10 um"), ("--aim", "l1 10 um", "--points", 4)):
+        done = clean(run("plan", machine, file, *more, "--json"))
+        assert done.code == 0 and done.json["points"]
+
+
 @pytest.mark.slow
 def test_who_follows_the_advice_needs_fewer_rows_than_one_who_counts_the_cause_as_noise(tmp_path: Path) -> None:
     found = grown(CASES[3], 4, tmp_path)

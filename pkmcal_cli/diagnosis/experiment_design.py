@@ -275,6 +275,14 @@ def with_rows(problem: Problem, rows: Problem) -> Problem:
         readings=np.vstack([problem.readings, rows.readings]),
         sigma=np.vstack([problem.sigma, rows.sigma]),
         drive_sigma=np.vstack([problem.drive_sigma, rows.drive_sigma]),
+        side_sigma=_side_sigma([problem, rows]),
         measured=np.vstack([problem.measured, rows.measured]),
     )
     return usable(both)
+
+
+def _side_sigma(parts: Sequence[Problem]) -> Array | None:
+    """Of rows one after the other (N, A); sides of points that are planned are known."""
+    if all(p.side_sigma is None for p in parts):
+        return None
+    return np.vstack([np.zeros_like(p.drive_sigma) if p.side_sigma is None else p.side_sigma for p in parts])
