@@ -13,7 +13,7 @@ from pkmcal_cli.calibration.problem import design_problem
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.workflow import approaches
-from pkmcal_cli.workflow.next_batch import advice
+from pkmcal_cli.workflow.next_batch import Advice, advice, batch
 from pkmcal_cli.workflow.next_points import NextPoints, next_points
 from tests.command import clean, run
 from tests.next_campaigns import BOX, CASES, LIMIT, MACHINE, NAME, SIGMA, Case, Knowing, grown, measured, table
@@ -104,6 +104,14 @@ def test_a_machine_with_backlash_whose_first_side_is_unknown(tmp_path: Path) -> 
     for more in (("--next", "--budget", 60, "--aim", "l1 10 um"), ("--aim", "l1 10 um", "--points", 4)):
         done = clean(run("plan", machine, file, *more, "--json"))
         assert done.code == 0 and done.json["points"]
+
+
+@pytest.mark.parametrize(
+    ("rows", "advised", "most"),
+    [(9, "", 9), (6, "diagnose", 6), (16, "diagnose", 4), (20, "improve", 5), (60, "improve", 15)],
+)
+def test_never_more_points_than_were_measured(rows: int, advised: Advice, most: int) -> None:
+    assert batch(100, rows, advised) == most and batch(3, rows, advised) == 3
 
 
 @pytest.mark.slow

@@ -38,5 +38,6 @@ def batch(needed: int, rows: int, advised: Advice) -> int:
 
     Where one shows, as many as it takes to look for it, then a quarter of what was: with it fewer do.
     """
-    most = {"": rows, "diagnose": FEWEST_TO_SPLIT - rows, "improve": max(rows // _PART, _ALL_AT_ONCE)}[advised]
+    lacking = min(rows, FEWEST_TO_SPLIT - rows)
+    most = {"": rows, "diagnose": lacking, "improve": max(rows // _PART, _ALL_AT_ONCE)}[advised]
     return needed if needed <= min(_ALL_AT_ONCE, most) else min(math.ceil(needed / 2), most)
