@@ -63,6 +63,10 @@ def test_a_shift_is_told_and_nothing_else_is_found(machine: str) -> None:
     assert done.code == 1 and f"{TOLD}shifted by `x` 30 mm: residual rms" in done.err
     assert done.json["verdict"] == "measurement_fault" and done.json["effects"] == [] == done.json["unexplained"]
     assert run("check", path, file).code == 1
+    if machine == "triglide":
+        done = run("improve", path, file, "-o", "m.yaml", "--json")
+        assert done.code == 1 and done.json["diagnosis"] == "measurement_fault"
+        assert f"the measurement is at fault: {TOLD}shifted by `x` 30 mm" in done.err
 
 
 def test_who_follows_the_advice_gets_the_place_of_the_instrument() -> None:

@@ -137,8 +137,7 @@ def diagnosed(case: Case, alpha: float, seed: int, to: Listener) -> Diagnosis:
         to.warn(f"warning: {text}")
     if not case.mistakes:
         return _believed(made, (*case.hints, *doubts.commanded))
-    verdict = made.verdict if made.findings or made.unknown else "measurement_fault"
-    return replace(made, verdict=verdict, mistakes=tuple(h.message for h in case.mistakes if h.mends))
+    return case.with_mistakes(made)
 
 
 def _believed(made: Diagnosis, hints: tuple[str, ...]) -> Diagnosis:

@@ -151,6 +151,7 @@ def improvement_of(case: Case, apart: Measurements | None, request: ImproveReque
     """Run the loop. Raises PkmcalError."""
     check_alpha(request.alpha)
     improvement = _improved(case, None if apart is None else _validation(case, apart), request, to)
+    improvement = replace(improvement, whole=case.with_mistakes(improvement.whole))
     report = ImprovementReport(case.loaded.machine, case.measured, improvement)
     return Improved(case, report, _implausible(improvement, case.hints))
 

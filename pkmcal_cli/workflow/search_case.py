@@ -19,6 +19,7 @@ from pkmcal_cli.calibration.robust import Loss
 from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.calibration.unknown_sides import with_unknown_sides
 from pkmcal_cli.diagnosis.hypotheses import Candidates, candidates
+from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
 from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, nothing_measured, suspicions, unsided
 from pkmcal_cli.gross_errors.plausibility import Hint
 from pkmcal_cli.gross_errors.put_right import put_right
@@ -70,6 +71,13 @@ class Case:
     loss: Loss
     hints: tuple[str, ...] = ()  # at gross mistakes
     mistakes: tuple[Hint, ...] = ()  # those of which the table has been put right
+
+    def with_mistakes(self, made: Diagnosis) -> Diagnosis:
+        """A diagnosis that says what was wrong with the table, where it has been put right."""
+        if not self.mistakes:
+            return made
+        verdict = made.verdict if made.findings or made.unknown else "measurement_fault"
+        return replace(made, verdict=verdict, mistakes=tuple(h.message for h in self.mistakes if h.mends))
 
     @property
     def inputs(self) -> dict[str, str]:
