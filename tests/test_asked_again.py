@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import permutations
 from typing import Any
 
 import numpy as np
 import pytest
 
 from pkmcal_cli.prediction import Request, Rows, predict, solving
+from pkmcal_cli.prediction.rows import Sought
 from tests.campaigns import shipped
 
 ERROR = 2e-12
@@ -25,13 +27,13 @@ def task(machine: str) -> tuple[Any, Any, Any]:
 def searches(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Told the number of rows of each search."""
     out: list[int] = []
-    plain = solving._searched
+    plain = solving._equilibrium
 
     def counted(model: Any, coefficients: Any, *others: Any) -> Any:
         out.append(len(coefficients))
         return plain(model, coefficients, *others)
 
-    monkeypatch.setattr(solving, "_searched", counted)
+    monkeypatch.setattr(solving, "_equilibrium", counted)
     return out
 
 
@@ -84,3 +86,15 @@ def test_another_model_is_asked_itself(searches: list[int]) -> None:
     searches.clear()
     predict(other, values, rows, None, start)
     assert searches == [len(rows)]
+
+
+def test_a_small_number_beside_a_large_one_counts_and_so_does_an_exchange() -> None:
+    """A length of 0.3 m beside a stiffness of 1e9 N/m, next to a zero of rounding; round numbers in another order."""
+    plain = np.array([[1e9, 0.3, 1e-17, 2.0, 1.0, 0.5]])
+    first = Sought.at(plain, plain)
+    for column, step in ((1, 1e-16), (1, 1e-12), (0, 1e-6), (2, 1e-30)):
+        moved = plain.copy()
+        moved[0, column] += step
+        assert first.answers(Sought.at(plain, moved)) == bool((moved == plain).all())
+    orders = np.array(list(permutations((2.0, 1.0, 0.5, 4.0, 0.0, 3.0))))
+    assert len(np.unique(Sought.at(plain, orders).marks)) == len(orders)

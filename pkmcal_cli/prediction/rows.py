@@ -134,19 +134,21 @@ class Sought:
     """
 
     model: object
-    marks: Array
+    marks: NDArray[np.uint64]
 
     @classmethod
-    def at(cls, model: object, coefficients: Array, scale: Array) -> Sought:
-        """Marks of coefficients (N, S): sums in sizes of each (S,), so that what changes by more than rounding shows.
+    def at(cls, model: object, coefficients: Array) -> Sought:
+        """Marks of coefficients (N, S): their bits, mixed and summed with odd weights modulo 2^64.
 
-        Summed row by row, so that they do not depend on which rows are asked together.
+        Whatever one of them changes by shows, however small it is beside the others, and it does not matter which rows
+        are asked together.
         """
-        weights = np.random.default_rng(0).uniform(1.0, 2.0, len(scale)) / scale
-        return cls(model, np.einsum("ns,s->n", coefficients, weights))
+        weights = np.random.default_rng(0).integers(1, 2**63, coefficients.shape[1], dtype=np.uint64) * 2 + 1
+        bits = np.ascontiguousarray(coefficients).view(np.uint64)
+        return cls(model, ((bits ^ (bits >> np.uint64(32))) * weights).sum(axis=1))
 
     def answers(self, other: Sought) -> bool:
-        """Whether all rows of another one are the same; never where a number is nan."""
+        """Whether all rows of another one are the same."""
         return self.model is other.model and bool((self.marks == other.marks).all())
 
 

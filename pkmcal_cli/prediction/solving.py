@@ -83,10 +83,14 @@ def _solve(
 ) -> Solution:
     if method == "exact":
         numbers = system_numbers(model.exact, coefficients)
-        rows = _equilibrium(model, coefficients, numbers, start, compare, effort)
+        asked = Sought.at(model, coefficients)
+        known = start is not None and start.sought is not None and start.sought.answers(asked)
+        rows = start if start is not None and known else _equilibrium(
+            model, coefficients, numbers, start, compare, effort
+        )
         return Solution(
             system=model.exact, coefficients=coefficients, state=rows.state, status=rows.status, misfit=rows.misfit,
-            taut=False, steps=effort.steps, numbers=numbers, sought=rows.sought,
+            taut=False, steps=effort.steps, numbers=numbers, sought=asked if compare or known else None,
         )  # fmt: skip
     state, status = substructure_pose(model, coefficients, effort)
     if method == "linear":
@@ -106,27 +110,7 @@ def _equilibrium(
     compare: bool,
     effort: Effort,
 ) -> WarmStart:
-    """The stable equilibrium of least strain energy: as found; where that is in doubt, from the common pose too.
-
-    At the same numbers as before it is the same: that in which a row has no solution is dear to see again.
-    """
-    size = np.abs(model.reference_coefficients[0])
-    asked = Sought.at(model, coefficients, np.where(size > 0.0, size, min(1.0, model.length)))
-    if start is not None and start.sought is not None and start.sought.answers(asked):
-        return start
-    rows = _searched(model, coefficients, numbers, start, compare, effort)
-    return replace(rows, sought=asked) if compare else rows
-
-
-def _searched(
-    model: Model,
-    coefficients: Array,
-    numbers: SystemNumbers,
-    start: WarmStart | None,
-    compare: bool,
-    effort: Effort,
-) -> WarmStart:
-    """By Newton's steps from the reference configuration or earlier states (`_equilibrium`)."""
+    """The stable equilibrium of least strain energy: as found; where that is in doubt, from the common pose too."""
     if start is None:
         rows = _from_reference(model, coefficients, numbers, effort)
     else:
