@@ -29,7 +29,7 @@ _NEARLY = 1e4  # the same of a reading that a fit without it nearly explains: it
 _LAST, _LITTLE = 4, 1e-3  # values of chi-square, and the share by which they may differ, at which it has settled
 NOTHING = "nothing_identifiable"
 _STATUS = {
-    **dict.fromkeys(("gradient", "step", "rounding", "noise"), "converged"),
+    **dict.fromkeys(("gradient", "step", "rounding", "enough", "noise"), "converged"),
     **dict.fromkeys(("no_descent", "budget", ABANDONED), "not_converged"),
 }
 STEPS = 60  # that a fit may take
@@ -123,8 +123,9 @@ def _identified(
     first = evaluate_condensed(problem, problem.model.nominal if start is None else start, selected, states, shift)
     scale = Scaled.of(problem, selected)
     fixed = problem.count == 0 or not (selected or problem.reading_sigma.any())
-    as_it_is = fixed or patience.short or (shift is not None and first.solved)
-    lead = first if as_it_is else led(problem, scale, first, patience.chi2)
+    near_earlier = first.solved and (shift is not None or states is not None)
+    as_it_is = fixed or patience.short or near_earlier
+    lead = first if as_it_is else led(problem, scale, first, patience)
     failed = reasons(problem, lead)
     kept, evaluation = _kept(problem, first, lead, failed)
     if fixed:
@@ -182,9 +183,7 @@ def _descent(task: _Task, kept: Problem, begin: Evaluation, failed: Mapping[int,
         if task.patience.ends(near.chi2, len(chi2) - 1):
             stopped = ABANDONED
             break
-        end, region, stopped = advance(
-            kept, task.scale, end, near, region, hopeless=task.patience.chi2, compare=compare
-        )
+        end, region, stopped = advance(kept, task.scale, end, near, region, task.patience, compare=compare)
         stopped = stopped or creeps(kept, task.scale, near, chi2)
         ended = stopped or (len(chi2) == task.iterations and not compare)
         if stopped == "no_descent" and near.chi2 > task.patience.chi2:

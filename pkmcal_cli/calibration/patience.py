@@ -1,4 +1,4 @@
-"""When a fit is given up that leads nowhere soon."""
+"""When a fit is given up that leads nowhere soon, and when it is near enough to its end."""
 
 from __future__ import annotations
 
@@ -12,10 +12,13 @@ class Patience:
     """A fit above this chi-square is given up where it needs much damping, or once it has taken so many steps.
 
     Finite steps are for data in which a gross mistake shows: then rows that cannot be predicted are not looked for.
+    enough: variances of the noise, as the fit leaves it; a step that promises less is the last one. 0: as near as
+    rounding lets it come.
     """
 
     chi2: float = np.inf
     steps: float = np.inf
+    enough: float = 0.0
 
     @property
     def short(self) -> bool:
@@ -25,3 +28,10 @@ class Patience:
     def ends(self, chi2: float, steps: int) -> bool:
         """Whether so many steps were enough, where they have led to this chi-square."""
         return chi2 > self.chi2 and steps >= self.steps
+
+    def little(self, chi2: float, count: int) -> float:
+        """What the last step of a fit of so many values may promise, where it has come to this chi-square."""
+        return self.enough * chi2 / count if count else 0.0
+
+
+COMPARED = Patience(enough=1e-4)  # of fits that are compared with others: no evidence or error shows as little

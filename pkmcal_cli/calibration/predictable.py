@@ -6,6 +6,7 @@ import numpy as np
 
 from pkmcal_cli.calibration.condensed import condensed, evaluate_condensed
 from pkmcal_cli.calibration.measured_pose import errors_at_poses, uncertain_drives
+from pkmcal_cli.calibration.patience import Patience
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, chi_square, lost_rows
 from pkmcal_cli.calibration.step import Scaled, advance
@@ -21,11 +22,11 @@ def states_at(evaluation: Evaluation) -> WarmStart | None:
     return evaluation.start.hopeless(_HOPELESS)
 
 
-def led(problem: Problem, scale: Scaled, first: Evaluation, hopeless: float) -> Evaluation:
+def led(problem: Problem, scale: Scaled, first: Evaluation, patience: Patience) -> Evaluation:
     """Where all rows can be predicted: the start, or where fits of the rows that can be lead to.
 
-    Where these do not lead to more and more rows, the evaluation that has fewest lost rows. hopeless: chi-square above
-    which such a fit is given up that needs much damping.
+    Where these do not lead to more and more rows, the evaluation that has fewest lost rows. patience: when such a fit
+    is given up.
     """
     evaluation = nearest(problem, scale, first)
     while not evaluation.solved:
@@ -37,7 +38,7 @@ def led(problem: Problem, scale: Scaled, first: Evaluation, hopeless: float) -> 
         lead = evaluate_condensed(part, evaluation.values, scale.names, states, shift)
         region, status = Region(), ""
         for _ in range(_LEAD if lead.solved else 0):
-            lead, region, status = advance(part, scale, lead, condensed(part, lead), region, hopeless)
+            lead, region, status = advance(part, scale, lead, condensed(part, lead), region, patience)
             if status:
                 break
         again = evaluate_condensed(problem, lead.values, scale.names, states_at(evaluation))

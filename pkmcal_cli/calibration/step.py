@@ -6,7 +6,7 @@ drives' errors follow (Ecorchard 2010, eq. 24, with weights).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import compress
 
@@ -17,6 +17,7 @@ from scipy.linalg import solve_triangular
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.condensed import condensed, evaluate_condensed
 from pkmcal_cli.calibration.identifiability import Directions, directions
+from pkmcal_cli.calibration.patience import Patience
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, Linearised, chi_square
 from pkmcal_cli.calibration.second_order import SecondOrder
@@ -65,22 +66,23 @@ def advance(
     evaluation: Evaluation,
     near: Linearised,
     region: Region,
-    hopeless: float = np.inf,
+    patience: Patience,
     compare: bool = True,
 ) -> tuple[Evaluation, Region, str]:
     """One accepted step; returns the new evaluation, the region for the next and why to stop, "" to go on.
 
     region: `Region()` at first; compare: rows in doubt with other assemblies; else chi-square is continuous along the
-    step. "step": it would be shorter than matters; "rounding", "gradient": it could lower chi-square by no more than
-    rounding does, or by a negligible share; "no_descent": no step of any length lowers it, as the prediction fails
-    there, or none that needs little damping where chi-square is above `hopeless`, or steps creep far from any fit.
+    step. "step": it would be shorter than matters; "rounding", "gradient", "enough": it could lower chi-square by no
+    more than rounding does, by a negligible share, or by what is enough; "no_descent": no step of any length lowers it, as the prediction fails
+    there, or none that needs little damping where chi-square is above that of `patience`, or steps creep far from any fit.
     """
     place = (near.jacobian * scale.ranges, near.residual)  # (m, p), (m,)
     region, values = region.at(*place), evaluation.values[scale.index]
     full = _step(scale, values, near, near, region.bent)
     blur, lost = _blur(problem, near.chi2), region.creeping >= _CREEPING and near.chi2 > _FAR * problem.count
     hoped = near.chi2 - near.expected(full * scale.ranges) - region.bent.added(full)
-    if end := _end(full, hoped, near.chi2, blur):
+    little = {"gradient": _GAIN * near.chi2, "rounding": blur, "enough": patience.little(near.chi2, problem.count)}
+    if end := _end(full, hoped, little):
         last = _moved(problem, scale, evaluation, near, full, compare)
         return (last if last.solved else evaluation), region, end
     while True:
@@ -98,7 +100,7 @@ def advance(
             region = region.narrowed()
             continue
         region = region.refused(step)
-        lost |= near.chi2 > hopeless and region.damping > _MUCH
+        lost |= near.chi2 > patience.chi2 and region.damping > _MUCH
 
 
 def creeps(problem: Problem, scale: Scaled, near: Linearised, chi2: Sequence[float]) -> str:
@@ -117,16 +119,15 @@ def _share(gained: float, promised: float) -> float:
     return gained / promised if promised > 0.0 else 0.0
 
 
-def _end(step: Array, hoped: float, chi2: float, blur: float) -> str:
+def _end(step: Array, hoped: float, little: Mapping[str, float]) -> str:
     """Why a fit has converged, "" where it has not: the next step (p,) in ranges, and by how much it lowers chi-square.
 
-    The larger of two limits is the reason, since it was reached first.
+    The largest of the limits is the reason, since it was reached first.
     """
     if len(step) and np.abs(step).max() < _STEP:
         return "step"
-    if hoped <= max(_GAIN * chi2, blur):
-        return "rounding" if blur > _GAIN * chi2 else "gradient"
-    return ""
+    reason = max(little, key=lambda name: little[name])
+    return reason if hoped <= little[reason] else ""
 
 
 def _blur(problem: Problem, chi2: float) -> float:

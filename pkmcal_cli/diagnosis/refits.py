@@ -10,7 +10,7 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
-from pkmcal_cli.calibration.patience import Patience
+from pkmcal_cli.calibration.patience import COMPARED
 from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.scoring import Search
@@ -58,7 +58,7 @@ def _near(search: Search) -> Array:
 
 def _converged_fit(search: Search, start: Array, states: WarmStart) -> Fit | None:
     """A fit from values (P,), and from states of rows near those there."""
-    patience = Patience(_HOPELESS * search.fit.chi2)
+    patience = replace(COMPARED, chi2=_HOPELESS * search.fit.chi2)
     start, states = _predicted(search, start, states)
     try:
         fit = identify(search.unheld, search.selected, start, _STEPS, states=states, patience=patience)

@@ -13,6 +13,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures, channel_figures, error_figures, pooled
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
+from pkmcal_cli.calibration.patience import COMPARED
 from pkmcal_cli.calibration.point_errors import PointErrors, joined, point_errors
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate, lost_rows, predicted_part, weighted_residual
@@ -130,7 +131,8 @@ def _inner(fold: OuterFold, folds: int = 3) -> Iterator[tuple[Problem, Evaluatio
         others, rows = np.nonzero(labels != k)[0], np.nonzero(labels == k)[0]
         part = fold.train.take(rows)
         try:
-            fit = identify(fold.train.take(others), fold.fit.selected, fold.start, states=before.take(others))
+            train, states = fold.train.take(others), before.take(others)
+            fit = identify(train, fold.fit.selected, fold.start, states=states, patience=COMPARED)
             yield part, evaluate(part, fit.values, start=after.take(rows))
         except (RowsFailed, np.linalg.LinAlgError):
             continue
