@@ -73,9 +73,8 @@ def advance(
 
     region: `Region()` at first; compare: rows in doubt with other assemblies; else chi-square is continuous along the
     step. "step": it would be shorter than matters; "rounding", "gradient", "enough": it could lower chi-square by no
-    more than rounding does, by a negligible share, or by what is enough; "no_descent": no step of any length lowers it,
-    as the prediction fails there, or none that needs little damping where chi-square is above that of `patience`, or
-    steps creep far from any fit.
+    more than rounding does, by a negligible share, or by what is enough; "no_descent": no step lowers it, as the
+    prediction fails there, or none with little damping above the chi-square of `patience`, or steps creep far off.
     """
     place = (near.jacobian * scale.ranges, near.residual)  # (m, p), (m,)
     region, values = region.at(*place), evaluation.values[scale.index]
