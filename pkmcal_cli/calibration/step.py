@@ -80,9 +80,8 @@ def advance(
     region, values = region.at(*place), evaluation.values[scale.index]
     full = _step(scale, values, near, near, region.bent)
     blur, lost = _blur(problem, near.chi2), region.creeping >= _CREEPING and near.chi2 > _FAR * problem.count
-    hoped = near.chi2 - near.expected(full * scale.ranges) - region.bent.added(full)
     little = {"gradient": _GAIN * near.chi2, "rounding": blur, "enough": patience.little(near.chi2, problem.count)}
-    if end := _end(full, hoped, little):
+    if end := _end(full, near.chi2 - near.expected(full * scale.ranges) - region.bent.added(full), little):
         last = _moved(problem, scale, evaluation, near, full, compare)
         return (last if last.solved else evaluation), region, end
     while True:
