@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pkmcal_cli.calibration import step
+from pkmcal_cli.calibration import predictable, step
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
-from pkmcal_cli.calibration.patience import Patience
+from pkmcal_cli.calibration.patience import COMPARED, Patience
 from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import linearise
 from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.diagnosis import refits, search
 from pkmcal_cli.diagnosis.run_diagnosis import diagnose
@@ -36,6 +37,34 @@ def test_a_fit_settles_before_it_has_converged() -> None:
     assert fits[6].chi2 == pytest.approx(fits[60].chi2, rel=1e-3) and fits[1].chi2 > 1.01 * fits[60].chi2
     once = identify(problem, selected, fits[6].values, 1, shift=fits[6].shift)
     assert (once.status, once.usable) == ("not_converged", False), "two values alike are no standstill"
+
+
+def test_a_fit_that_is_compared_ends_where_no_evidence_shows_what_is_left() -> None:
+    """One variance of the noise is half a unit of log evidence, and one standard uncertainty of one parameter."""
+    problem, _ = measured("2021-12-16")
+    selected = select(problem.model, "auto")
+    end, compared = identify(problem, selected), identify(problem, selected, patience=COMPARED)
+    assert (end.stopped, compared.stopped, compared.status) == ("gradient", "enough", "converged")
+    assert compared.iterations < end.iterations
+    variance = end.chi2 / problem.count
+    assert -1e-9 * variance < compared.chi2 - end.chi2 < 1e-3 * variance
+    index = [problem.model.names.index(n) for n in selected]
+    moved = linearise(problem, end.last).jacobian @ (compared.values - end.values)[index] / np.sqrt(variance)
+    assert np.linalg.norm(moved) < 0.03, "in standard uncertainties, all directions together"
+
+
+def test_a_fit_that_begins_near_an_earlier_one_needs_no_lead(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Errors of the drives at the measured poses are looked for where no states are known; the end is the same."""
+    problem, _ = measured("2021-12-16")
+    selected, led = select(problem.model, "auto"), list[int]()
+    plain = predictable.errors_at_poses
+    monkeypatch.setattr(predictable, "errors_at_poses", lambda *given: (led.append(0), plain(*given))[1])
+    first = identify(problem, selected)
+    assert led
+    led.clear()
+    again = identify(problem, selected, states=first.before.start)
+    assert not led
+    assert again.chi2 == pytest.approx(first.chi2, rel=1e-9)
 
 
 @pytest.mark.parametrize(("hopeless", "given_up"), [(np.inf, False), (1e30, False), (1.0, True)])
