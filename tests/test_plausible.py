@@ -89,6 +89,29 @@ def test_a_result_that_nobody_should_believe(
     assert f"warning: {file}: the fit ended with status `implausible`: {reasons}" in again.err
 
 
+def scaled(head: list[str], rows: Rows) -> None:
+    """One drive counts 2 % too much."""
+    k = head.index("q1 [mm]")
+    for row in rows:
+        row[k] = repr(1.02 * float(row[k]))
+
+
+@pytest.mark.parametrize("change", [turned, scaled])
+def test_nothing_is_held_out_of_a_fit_that_nobody_should_use(
+    change: Callable[[list[str], Rows], None], tmp_path: Path
+) -> None:
+    """A mistake that shows at once, and one that only the fit shows; who asks for it, or accepts the fit, has it."""
+    table = spoilt(tmp_path, change)
+    plain, asked, accepted = (
+        clean(run("calibrate", MACHINE, table, "--json", "--starts", "1", *more))
+        for more in ((), ("--holdout", "2"), ("--accept",))
+    )
+    assert plain.json["status"] == "implausible" and plain.code == 1
+    assert plain.json["heldout"]["after"] is None and "implausible; `--holdout 5`" in plain.json["heldout"]["reason"]
+    for done in (asked, accepted):
+        assert done.json["status"] == "implausible" and done.json["heldout"]["after"] is not None
+
+
 @pytest.mark.parametrize(
     "change", in_ci(["out_of_reach"], [drifting_far, out_of_reach], lambda change: str(change.__name__))
 )

@@ -41,7 +41,7 @@ from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.workflow.arguments import by_method, checked_method, selection
 from pkmcal_cli.workflow.determined import determined
 from pkmcal_cli.workflow.gross_row_reasons import BeyondNoise, beyond_noise, odd_readings, spoilt, without_readings
-from pkmcal_cli.workflow.held_out import held_out, holdout_file, validated
+from pkmcal_cli.workflow.held_out import held_out, holdout_file, implausible, validated
 from pkmcal_cli.workflow.moved_frames import moved_warnings
 from pkmcal_cli.workflow.overstated_sigma import noise_doubts
 from pkmcal_cli.workflow.prior_file import EarlierCalibration, earlier_calibration
@@ -206,7 +206,9 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
         fit = robust_fit.robust.fit
         s = replace(s, problem=s.problem.without(fit.failed))
         if s.apart is None:
-            held = held_out(s.problem, s.measured, robust_fit, s.request.holdout, s.request.fit_options, observe)
+            believed = s.request.accept or not (hints or implausible(s.problem, robust_fit))
+            scheme, used = s.request.holdout, s.request.fit_options
+            held = held_out(s.problem, s.measured, robust_fit, scheme, used, observe, believed=believed)
         else:
             held = validated(s.loaded, s.problem, fit, s.apart)
     doubts = noise_doubts(s.problem, fit, s.measured, to)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from dataclasses import replace
 from functools import partial
 
 from pkmcal_cli.base.errors import UsageError, did_you_mean
@@ -15,7 +16,9 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.holdout import HeldOut, cross_validate, enough_values, fold_labels, validate
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
+from pkmcal_cli.calibration.plausible import implausible_fit
 from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.range_check import range_check
 from pkmcal_cli.calibration.unknown_sides import with_unknown_sides
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.tables.measurement_set import Measurements
@@ -35,8 +38,13 @@ def held_out(
     scheme: str | None,
     options: FitOptions,
     observe: Observer,
+    *,
+    believed: bool,
 ) -> HeldOut | str:
-    """Figures on rows of the table itself, or why there are none. Raises UsageError."""
+    """Figures on rows of the table itself, or why there are none. Raises UsageError.
+
+    believed: whether the fit can be; else nobody uses it, and each fold would search as long as it did.
+    """
     fit = calibration.robust.fit
     if scheme == "none":
         return "not requested"
@@ -47,6 +55,8 @@ def held_out(
     if scheme is None and not enough_values(problem, fit.selected):
         values, parameters = count(problem.count, "measured value"), count(len(fit.selected), "parameter")
         return f"{values} for {parameters}: fewer than 3 values per parameter"
+    if scheme is None and not believed:
+        return f"the fit is implausible; `--holdout {_FOLDS}` computes it all the same"
     try:
         labels, words = fold_labels(scheme or _FOLDS, problem, measured)
     except ValueError as error:
@@ -55,6 +65,13 @@ def held_out(
         raise UsageError(f"--holdout {scheme}: {error}") from None
     again = partial(refit, options, factors=calibration.budget.factors)
     return cross_validate(problem, fit, labels, words, again, observe)
+
+
+def implausible(problem: Problem, calibration: Calibration) -> bool:
+    """Whether a calibration cannot be believed, by its values and by what it leaves."""
+    robust = calibration.robust
+    checked = range_check(problem, robust.fit, calibration.budget)
+    return bool(implausible_fit(replace(problem, weight=robust.problem.weight), robust.fit, checked))
 
 
 def validated(loaded: LoadedMachine, problem: Problem, fit: Fit, other: Measurements) -> HeldOut | str:
