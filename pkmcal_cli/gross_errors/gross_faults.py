@@ -20,6 +20,7 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.gross_errors.change_row import change_row
 from pkmcal_cli.gross_errors.column_faults import explain_columns
 from pkmcal_cli.gross_errors.drive_columns import explain_by_prediction
+from pkmcal_cli.gross_errors.drive_zeros import explain_zeros
 from pkmcal_cli.gross_errors.mirror import brought_back, explain_frame
 from pkmcal_cli.gross_errors.other_place import explain_place
 from pkmcal_cli.gross_errors.permuted import permuted_rows
@@ -154,7 +155,8 @@ def _reasons(table: _Table) -> list[_Reason]:
     reasons = [_channels(sample, True), _rows(sample, table.sessions, table.row_origin)]
     if not reasons[0].hints:
         reasons.append(_channels(sample, False))  # a wrong unit of an angle is lost when whole turns are taken off
-    if reasons[0].before > EXPLAINED and not reasons[1].complete:  # no less than what an explanation may leave
+    much = reasons[0].before > EXPLAINED or sample.mostly_lost  # no less than what an explanation may leave
+    if much and not reasons[1].complete:
         reasons.append(_drives(sample))
         unplaced = sample.of_unknown_frames or np.isinf(reasons[-1].before)  # drives cannot be judged by poses
         if unplaced and not any(r.complete and not _of_drives(problem, r) for r in reasons):
@@ -223,12 +225,12 @@ def _drives(sample: Sample) -> _Reason:
     if len(measured.rows) < _FEWEST:
         return _Reason((), np.inf, np.inf)
     expected, readings = measured.drive_readings(values), part.rows.readings[measured.rows]
-    explanation = explain_columns(
-        readings, expected, model.drive_names, [a.unit for a in model.actuators]
-    )
-    return _Reason(
-        explanation.hints, *(misfit(table, expected, readings) for table in (readings, explanation.corrected))
-    )
+    table = (readings, expected, model.drive_names, [a.unit for a in model.actuators])
+    explanation = explain_columns(*table)
+    if not explanation.hints and sample.mostly_lost:
+        explanation = explain_zeros(*table)
+    both = (readings, explanation.corrected)
+    return _Reason(explanation.hints, *(misfit(q, expected, readings) for q in both))
 
 
 def _rows(sample: Sample, sessions: IntArray, row_origin: Callable[[int], str]) -> _Reason:

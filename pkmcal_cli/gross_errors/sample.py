@@ -67,9 +67,13 @@ class Sample:
     @cached_property
     def informative(self) -> NDArray[np.bool_]:
         """Channels (C,) that vary far more than errors of parameters and noise cause; all where few rows are known."""
-        known = self.evaluation.prediction.solved.mean() > _HALF
         varies = np.maximum(spread(self.predicted), spread(self.readings))
-        return np.asarray((varies > GROSS * self.prior_rms) | (not known))
+        return np.asarray((varies > GROSS * self.prior_rms) | self.mostly_lost)
+
+    @property
+    def mostly_lost(self) -> bool:
+        """Whether most rows cannot be predicted."""
+        return not bool(self.evaluation.prediction.solved.mean() > _HALF)
 
     @cached_property
     def gross(self) -> bool:
