@@ -20,9 +20,9 @@ Columns = dict[str, Array]
 
 
 def changed(folder: Path, change: Callable[[Columns], None]) -> Path:
-    """The shipped table with some columns changed."""
+    """Every second row of the shipped table, with some columns changed."""
     lines = [line for line in (MACHINES / "hexapod7.csv").read_text(encoding="utf-8").splitlines() if line[:1] != "#"]
-    head, *rows = csv.reader(lines)
+    head, *rows = csv.reader([lines[0], *lines[1::2]])
     columns = {h.split(" ")[0]: np.array([float(row[k]) for row in rows]) for k, h in enumerate(head)}
     change(columns)
     file = folder / "t.csv"
