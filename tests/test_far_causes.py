@@ -11,8 +11,9 @@ import pytest
 from pkmcal_cli.base.budget import Budget
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.diagnosis import far_causes
-from pkmcal_cli.diagnosis.far_causes import run_off, with_far_causes
+from pkmcal_cli.diagnosis.far_causes import with_far_causes
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
+from pkmcal_cli.diagnosis.off_nominal import run_off
 from pkmcal_cli.diagnosis.scoring import Search
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.workflow.search_case import CaseRequest, prepare

@@ -39,7 +39,7 @@ def search(tmp_path_factory: pytest.TempPathFactory) -> Search:
 def free(search: Search) -> tuple[Search, Fit]:
     """The search from nominal values, and the fit with the constant of any size, as far causes are fitted."""
     begun, constant = far_causes._from_nominal(search), named(search, "meas_zero@ballbar")
-    (start,) = far_causes._starts(begun, [constant], False)[constant]
+    ((start,),) = (s.values for s in far_causes._starts(begun, [constant], False))
     fit = far_causes._fit(begun, constant, start, 30)
     assert fit is not None
     return begun, fit

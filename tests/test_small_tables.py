@@ -20,6 +20,7 @@ from pkmcal_cli.diagnosis.search_options import SearchOptions
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.workflow.search_case import CaseRequest, prepare
 from tests.benchmark.setting import ready
+from tests.command import MACHINES
 from tests.lookalikes.judge import written
 from tests.truth.campaigns import campaign
 from tests.truth.look_alikes.head import head
@@ -87,3 +88,22 @@ def test_later_fits_begin_where_further_starts_ended(monkeypatch: pytest.MonkeyP
     candidates, fit = first_fit.calibrated(there.candidates, there.problem, there.selected, options)
     assert candidates.begin() == pytest.approx(good.values) and fit.chi2 == good.chi2
     assert fit.before.values == pytest.approx(good.values), "folds begin there too"
+
+
+def test_rows_that_a_fit_has_lost_stay_lost_where_ranges_are_widened(tmp_path: Path) -> None:
+    """A drive's readings stand one row too late: parameters run away after them, and a few poses cannot be assembled.
+
+    Such rows have no derivatives to weigh ranges by ("the computation fails with these numbers").
+    """
+    lines = [line for line in (MACHINES / "biglide.csv").read_text(encoding="utf-8").splitlines() if line[:1] != "#"]
+    head_, *rows = (line.split(",") for line in lines)
+    k = head_.index("q3 [mm]")
+    late = [[*row[:k], before[k], *row[k + 1 :]] for row, before in zip(rows, [rows[-1], *rows[:-1]], strict=True)]
+    table = tmp_path / "late.csv"
+    table.write_text("\n".join(",".join(row) for row in [head_, *late]) + "\n", encoding="utf-8")
+    request = CaseRequest(machine=str(MACHINES / "biglide.yaml"), measurements=(str(table),))
+    case = prepare(request, Reporter(quiet=True))
+    options = SearchOptions(alpha=0.005, seed=0)
+    _, fit = first_fit.calibrated(case.candidates, case.problem, case.selected, options)
+    assert set(fit.failed) == set(np.nonzero(~fit.last.prediction.solved)[0].tolist())
+    assert set(fit.failed)

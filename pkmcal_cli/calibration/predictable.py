@@ -38,7 +38,7 @@ def led(problem: Problem, scale: Scaled, first: Evaluation, patience: Patience) 
         lead = evaluate_condensed(part, evaluation.values, scale.names, states, shift)
         region, status = Region(), ""
         for _ in range(_LEAD if lead.solved else 0):
-            lead, region, status = advance(part, scale, lead, condensed(part, lead), region, patience)
+            lead, region, status = advance(part, scale, lead, condensed(part, lead), region, patience, compare=False)
             if status:
                 break
         again = evaluate_condensed(problem, lead.values, scale.names, states_at(evaluation))

@@ -10,7 +10,7 @@ left is how far these are off: as improbable as their ranges say.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -28,16 +28,17 @@ from pkmcal_cli.diagnosis.first_fit import OUT
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, linear_problem
 from pkmcal_cli.diagnosis.near_causes import with_near_cause
+from pkmcal_cli.diagnosis.off_nominal import NOWHERE, beyond_ranges, furthest, off_nominal
 from pkmcal_cli.diagnosis.score import UNUSUAL
 from pkmcal_cli.diagnosis.scoring import FarOff, Search
 
 _KINDS = ("zero", "scale", "meas_zero", "meas_scale")
-_NOWHERE = 10.0  # the same, where no machine has it
 _TIMES = 25.0  # chi-square over its degrees of freedom, from which on that is looked into
 _EXPLAINED = 0.75  # share of chi-square that a far cause explains
 _WORTH = 0.5  # share of chi-square that it may leave after a few steps
 _BACK = 0.5  # share of the furthest offset that may be left with it
 _ROWS, _STEPS, _LAST_STEPS = 150, 12, 30  # rows and steps of a screening fit, steps of the last ones
+_CLEARLY = 25.0  # times the squares that a cause of all leaves linearly, which another one must leave to be none
 _CANDIDATES, _BEST, _MOST = 48, 5, 2  # that are screened, fitted from several starts, and named one after the other
 _RIVAL = 0.02  # weight from which on a hypothesis is told beside the best
 _FEW = 4  # rows by which a reversed sign is tried
@@ -65,12 +66,12 @@ def _run_away(search: Search) -> bool:
     fit = search.fit
     if not fit.chi2_per_dof > _TIMES:
         return False
-    return bool(_offsets(search, fit)) or bool(implausible_residuals(search.problem, fit))
+    return bool(beyond_ranges(search, fit)) or bool(implausible_residuals(search.problem, fit))
 
 
 def _absorbed(search: Search) -> bool:
     """Whether a calibration leaves little, but puts a declared parameter where no machine has it."""
-    return search.fit.chi2_per_dof <= _TIMES and _furthest(search, search.fit) > _NOWHERE
+    return search.fit.chi2_per_dof <= _TIMES and furthest(search, search.fit) > NOWHERE
 
 
 def _from_nominal(search: Search) -> Search:
@@ -82,7 +83,7 @@ def _misfit(search: Search, fit: Fit, share: float = 1.0) -> float:
     """Chi-square, times a share, and where parameters have taken up what was off, how improbable they are, as much."""
     if not _absorbed(search):
         return share * fit.chi2
-    improbable = float(((2.0 * _off_nominal(search, fit)[2]) ** 2).sum())
+    improbable = float(((2.0 * off_nominal(search, fit)[2]) ** 2).sum())
     return share * fit.chi2 + max(search.fit.chi2_per_dof, 1.0) * improbable
 
 
@@ -101,34 +102,6 @@ def _held_explain(search: Search) -> bool:
     index = [model.names.index(n) for n in held]
     off = np.abs(fit.values[index] - model.nominal[index]) / model.ranges[index]
     return fit.chi2 < (1 - _EXPLAINED) * search.fit.chi2 and float(off.max(initial=0.0)) < OUT
-
-
-def _offsets(search: Search, fit: Fit) -> dict[str, float]:
-    """How far declared parameters are off nominal, the furthest first, SI; those beyond their ranges."""
-    names, off, share = _off_nominal(search, fit)
-    order = [int(k) for k in np.argsort(-share, kind="stable") if share[k] > OUT]
-    return {names[k]: float(off[k]) for k in order}
-
-
-def run_off(search: Search) -> dict[str, float]:
-    """Declared parameters that a calibration puts where no machine has them, the furthest first: in their ranges."""
-    names, _, share = _off_nominal(search, search.fit)
-    order = [int(k) for k in np.argsort(-share, kind="stable") if share[k] > _NOWHERE]
-    return {names[k]: float(share[k]) for k in order}
-
-
-def _furthest(search: Search, fit: Fit) -> float:
-    """Largest offset of a declared parameter, in its range."""
-    return float(_off_nominal(search, fit)[2].max(initial=0.0))
-
-
-def _off_nominal(search: Search, fit: Fit) -> tuple[tuple[str, ...], Array, Array]:
-    """Declared parameters (k,) that are fitted, and how far they are off nominal: SI, and in their ranges."""
-    model = search.problem.model
-    names = tuple(n for n in search.declared if n in fit.selected)
-    index = [model.names.index(n) for n in names]
-    off = fit.values[index] - model.nominal[index]
-    return names, off, np.abs(off) / model.ranges[index]
 
 
 def _best(
@@ -153,7 +126,7 @@ def _best(
         weight = np.exp([cost[hypothesis] - cost[h] for h in competing])
         rivals = [(h.whole, float(w / weight.sum())) for h, w in zip(competing, weight, strict=True)]
         far_off = FarOff(
-            offsets=_offsets(search, search.fit), rivals=tuple(r for r in rivals if r[1] > _RIVAL),
+            offsets=beyond_ranges(search, search.fit), rivals=tuple(r for r in rivals if r[1] > _RIVAL),
             absorbed=search.fit if _absorbed(search) else None,
         )  # fmt: skip
         extended = _with(search, hypothesis, ends[hypothesis], far_off)
@@ -173,41 +146,62 @@ def _screened(
 ) -> tuple[dict[Hypothesis, Fit], tuple[str, ...]]:
     """One fit of some rows with each candidate, where it explains about as much as a far-off cause does.
 
-    And the names of those for which there was no time.
+    Those first that explain most linearly, until one explains all and others much less. And the names of those for
+    which there was no time.
     """
     rows = np.unique(np.linspace(0, len(search.problem) - 1, min(_ROWS, len(search.problem))).astype(np.intp))
     some = replace(search, problem=search.problem.take(rows))
     gross = bool(implausible_residuals(search.problem, search.fit))
     most = _WORTH * _misfit(search, search.fit, some.problem.count / search.problem.count)
     out: dict[Hypothesis, Fit] = {}
-    every = _starts(some, candidates, gross)
-    for k, (hypothesis, starts) in enumerate(every.items()):
+    every, explaining = _starts(some, candidates, gross), list[_Start]()
+    for k, start in enumerate(every):
         observe(Stage("far-off causes", k, len(every)))
+        if any(other.excludes(start) for other in explaining):
+            continue
         try:
-            fits = [_fit(some, hypothesis, start, _STEPS, budget) for start in starts]
+            fits = [_fit(some, start.hypothesis, values, _STEPS, budget) for values in start.values]
         except OutOfTime:
-            return out, tuple(h.name for h in list(every)[k:])
+            return out, tuple(s.hypothesis.name for s in every[k:])
         best = min((f for f in fits if f is not None), key=partial(_misfit, search), default=None)
         if best is not None and _misfit(search, best) < most:
-            out[hypothesis] = best
+            out[start.hypothesis] = best
+            if best.chi2_per_dof <= _TIMES and furthest(search, best) <= OUT:
+                explaining.append(start)
     return out, ()
 
 
-def _starts(search: Search, candidates: Sequence[Hypothesis], gross: bool) -> dict[Hypothesis, list[Array]]:
-    """Values (P,), SI, at which fits with candidates begin: where one explains most of the nominal machine's error.
+@dataclass(frozen=True)
+class _Start:
+    """Values (P,), SI, at which fits with a candidate begin, and the squares that it leaves of the nominal machine's
+    error, linearly."""
+
+    hypothesis: Hypothesis
+    values: tuple[Array, ...]
+    left: float
+
+    def excludes(self, other: _Start) -> bool:
+        """Whether the other one, with no fewer numbers, leaves clearly more, if this one explains all."""
+        simpler = len(self.hypothesis.unknown) <= len(other.hypothesis.unknown)
+        return simpler and other.left > _CLEARLY * self.left
+
+
+def _starts(search: Search, candidates: Sequence[Hypothesis], gross: bool) -> list[_Start]:
+    """Where fits with candidates begin: where one explains most of the nominal machine's error; few numbers first.
 
     gross: errors are left that are large beside the machine: there a sign reversed too, if it predicts anything.
     """
-    nominal, out = search.start, {}
+    nominal, out = search.start, []
     linear, left = _left_at_nominal(search, [n for h in candidates for n in h.parameters])
     for h in candidates:
         columns = linear.of(h.parameters) / linear.scale_of(h.parameters)
         index = [search.problem.model.names.index(n) for n in h.parameters]
         near, reversed_ = nominal.copy(), nominal.copy()
-        near[index] = np.linalg.lstsq(columns, left, rcond=1e-9)[0]
+        near[index] = size = np.linalg.lstsq(columns, left, rcond=1e-9)[0]
         reversed_[index] = _REVERSED
-        out[h] = [near, reversed_] if gross and h.effect == "scale" and _predicts(search, reversed_) else [near]
-    return out
+        other = (reversed_,) if gross and h.effect == "scale" and _predicts(search, reversed_) else ()
+        out.append(_Start(h, (near, *other), float(((left - columns @ size) ** 2).sum())))
+    return sorted(out, key=lambda start: (len(start.hypothesis.unknown), start.left))
 
 
 def _left_at_nominal(search: Search, names: Sequence[str]) -> tuple[Linear, Array]:
@@ -219,7 +213,7 @@ def _left_at_nominal(search: Search, names: Sequence[str]) -> tuple[Linear, Arra
     if not _absorbed(search):
         linear = linear_problem(search.problem, search.start, (), list(others), None)
         return linear, linear.residual
-    declared, off, _ = _off_nominal(search, search.fit)
+    declared, off, _ = off_nominal(search, search.fit)
     linear = linear_problem(search.problem, search.fit.values, (), [*others, *declared], None)
     return linear, linear.residual + linear.of(declared) @ (off / linear.scale_of(declared))
 
@@ -280,14 +274,14 @@ def _is_far(search: Search, hypothesis: Hypothesis, fit: Fit) -> bool:
     model = search.problem.model
     index = [model.names.index(n) for n in hypothesis.unknown]
     size = float((np.abs(fit.values[index] - model.nominal[index]) / model.ranges[index]).max(initial=0.0))
-    return size > UNUSUAL or _furthest(search, search.fit) > _NOWHERE
+    return size > UNUSUAL or furthest(search, search.fit) > NOWHERE
 
 
 def _explains(search: Search, fit: Fit) -> bool:
     """Whether a fit with a cause explains most of what was left, and brings declared parameters back."""
-    before = _furthest(search, search.fit)
+    before = furthest(search, search.fit)
     return (
         _misfit(search, fit) < (1 - _EXPLAINED) * _misfit(search, search.fit)
-        and (before <= OUT or _furthest(search, fit) < max(_BACK * before, OUT))
+        and (before <= OUT or furthest(search, fit) < max(_BACK * before, OUT))
         and len(fit.failed) <= len(search.fit.failed)
     )

@@ -97,7 +97,9 @@ def _ran_away(problem: Problem, fit: Fit) -> bool:
 
 
 def _wider(problem: Problem, fit: Fit, start: Array) -> Fit | None:
-    """The fit from where one with ranges as they turned out to be ends; None where it does not explain what is left."""
+    """The fit from where one with ranges as they turned out to be ends, without the rows that failed before; None where
+    it does not explain what is left."""
+    problem = problem.without(fit.failed)
     budget = error_budget(problem, fit, held_parameters(problem, fit.selected, ()))
     _, again = with_estimated_ranges(problem, fit, start, budget.factors)
     if again is fit:
@@ -105,4 +107,5 @@ def _wider(problem: Problem, fit: Fit, start: Array) -> Fit | None:
     wider = identify(problem, fit.selected, again.values, states=again.after.start)
     better = wider.chi2 < fit.chi2 - _BETTER * max(wider.chi2_per_dof, 1.0)
     explains = wider.excess - 1.0 <= _LEFT * (fit.excess - 1.0)
-    return wider if wider.status == "converged" and better and explains and not wider.failed else None
+    good = wider.status == "converged" and better and explains and not wider.failed
+    return replace(wider, failed=fit.failed) if good else None

@@ -10,10 +10,10 @@ import numpy as np
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.diagnosis.confirm import HeldOutGain
 from pkmcal_cli.diagnosis.experiment_design import ALIKE
-from pkmcal_cli.diagnosis.far_causes import run_off
 from pkmcal_cli.diagnosis.findings import Finding
 from pkmcal_cli.diagnosis.groups import POSE
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
+from pkmcal_cli.diagnosis.off_nominal import run_off
 from pkmcal_cli.diagnosis.shape_findings import ShapeFinding
 from pkmcal_cli.diagnosis.stability import STABLE
 from pkmcal_cli.diagnosis.unknown import Unknown
