@@ -18,8 +18,8 @@ _FAR = 0.1  # of the longest travel of the drives of its kind
 def overruns(model: Model, readings: Array, drives: Sequence[int] | Index) -> Array:
     """Overruns (d,) of some drives at readings (N, A), m or rad."""
     travel = np.ptp(readings[:, drives], axis=0)
-    some = [model.actuators[a] for a in drives]
-    least = [min(LEAST, _OVERRUN * (a.limits[1] - a.limits[0])) for a in some]
-    longest = [max(t for t, b in zip(travel, some, strict=True) if b.dimension == a.dimension) for a in some]
+    chosen = [model.actuators[a] for a in drives]
+    least = [min(LEAST, _OVERRUN * (a.limits[1] - a.limits[0])) for a in chosen]
+    longest = [max(t for t, b in zip(travel, chosen, strict=True) if b.dimension == a.dimension) for a in chosen]
     least = [min(own, _FAR * most) if most > 0 else own for own, most in zip(least, longest, strict=True)]
     return np.asarray(np.maximum(_OVERRUN * travel, least))
