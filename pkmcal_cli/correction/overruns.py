@@ -21,5 +21,5 @@ def overruns(model: Model, readings: Array, drives: Sequence[int] | Index) -> Ar
     chosen = [model.actuators[a] for a in drives]
     least = [min(LEAST, _OVERRUN * (a.limits[1] - a.limits[0])) for a in chosen]
     longest = [max(t for t, b in zip(travel, chosen, strict=True) if b.dimension == a.dimension) for a in chosen]
-    least = [min(own, _FAR * most) if most > 0 else own for own, most in zip(least, longest, strict=True)]
+    least = [min(size, _FAR * most) if most > 0 else size for size, most in zip(least, longest, strict=True)]
     return np.asarray(np.maximum(_OVERRUN * travel, least))
