@@ -162,7 +162,8 @@ def _reasons(table: _Table) -> list[_Reason]:
         if unplaced and not any(r.complete and not _of_drives(problem, r) for r in reasons):
             hints, before = explain_by_prediction(sample.part, values, sample.seen)
             reasons += [_Reason((h,), before, h.after) for h in hints]
-    return reasons if any(r.complete for r in reasons) else [*reasons, _Reason(*explain_place(sample))]
+    explained = any(r.complete and not sample.still_gross(r.hints) for r in reasons)
+    return reasons if explained else [*reasons, _Reason(*explain_place(sample))]
 
 
 def _of_drives(problem: Problem, reason: _Reason) -> bool:
