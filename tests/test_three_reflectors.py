@@ -57,7 +57,7 @@ def read(marks: Array = MARKS) -> tuple[Array, Array]:
     seen = []
     for row in drives:
         turn, place = platform(offsets + row)
-        seen.append(STAND.apply(place + turn.apply(marks)) + [6.0, -3.5, 1.2])
+        seen.append(STAND.apply(place + turn.apply(marks)) + np.array([6.0, -3.5, 1.2]))
     return drives, np.array(seen).reshape(40, 9) + 1e-5 * rng.normal(size=(40, 9))
 
 
@@ -113,3 +113,29 @@ def test_a_tracker_that_is_said_to_stand_at_the_origin() -> None:
     assert "the readings of `tracker` look taken from another place, turned by 120 deg" in done.err
     done = run("calibrate", *written(drives, seen), "--json")
     assert done.code == 0 and done.json["status"] == "converged" and 0.8 < done.json["chi2_per_dof"] < 1.25
+
+
+@pytest.mark.parametrize("frame", ["fitted", "machine"])
+def test_a_reflector_that_is_elsewhere_on_the_body(frame: str) -> None:
+    """Its x has another sign in the machine file: 283 mm and 251 mm from the others, where the file has 139 and 292."""
+    drives, seen = read()
+    if frame == "machine":
+        seen = STAND.inv().apply(seen.reshape(-1, 3) - np.array([6.0, -3.5, 1.2])).reshape(40, 9)
+    text = MACHINE.replace("m2: [-80, 120, 12]", "m2: [80, 120, 12]").replace("frame: fitted", f"frame: {frame}")
+    files = written(drives, seen, text)
+    apart, drawn = (np.linalg.norm(1e3 * MARKS[[0, 2]] - mark, axis=1) for mark in ([-80, 120, 12], [80, 120, 12]))
+    told = f"{apart[0]:.4g} mm from `m1`, {apart[1]:.4g} mm from `m3` instead of {drawn[0]:.4g} mm, {drawn[1]:.4g} mm"
+    done = run("check", *files)
+    assert done.code == 1 and done.err.count("error[") == 1, done.err
+    assert f"`m2` looks read elsewhere on its body than the machine file says, {told}: residual rms" in done.err
+    if frame == "fitted":
+        done = run("diagnose", *files, "--json")
+        assert done.json["mistakes"] and done.json["effects"] == [] and done.json["verdict"] == "measurement_fault"
+
+
+def test_a_reflector_in_its_place() -> None:
+    """Nothing is told of 0.2 mm, which ranges that were guessed too small may be, nor of all moved as one."""
+    drives, seen = read(MARKS + np.array([[0, 0, 0], [0, 2e-4, 0], [0, 0, 0]]))
+    assert "looks read elsewhere" not in run("check", *written(drives, seen)).err
+    drives, seen = read(MARKS + np.array([0.02, 0, 0]))
+    assert "looks read elsewhere" not in run("check", *written(drives, seen)).err

@@ -23,6 +23,7 @@ from pkmcal_cli.gross_errors.drive_columns import explain_by_prediction
 from pkmcal_cli.gross_errors.drive_zeros import explain_zeros
 from pkmcal_cli.gross_errors.mirror import brought_back, explain_frame
 from pkmcal_cli.gross_errors.other_place import explain_place
+from pkmcal_cli.gross_errors.other_reflector import explain_reflectors
 from pkmcal_cli.gross_errors.permuted import permuted_rows
 from pkmcal_cli.gross_errors.plausibility import BETTER, EXPLAINED, Hint, MovedReadings, evidence, misfit
 from pkmcal_cli.gross_errors.repeated import repeated_readings
@@ -163,7 +164,7 @@ def _reasons(table: _Table) -> list[_Reason]:
             hints, before = explain_by_prediction(sample.part, values, sample.seen)
             reasons += [_Reason((h,), before, h.after) for h in hints]
     explained = any(r.complete and not sample.still_gross(r.hints) for r in reasons)
-    return reasons if explained else [*reasons, _Reason(*explain_place(sample))]
+    return reasons if explained else [*reasons, *(_Reason(*e(sample)) for e in (explain_place, explain_reflectors))]
 
 
 def _of_drives(problem: Problem, reason: _Reason) -> bool:
