@@ -86,7 +86,7 @@ def _hint(sample: Sample, points: Points, names: Sequence[str]) -> Hint | None:
     if after > BETTER * before or after > GROSS * rms(sample.prior_rms[columns]):
         return None
     place = tried[int(np.argmin(left))]
-    return _told(sample, place, read[rows], predicted[rows], before, after)
+    return _suspicion(sample, place, read[rows], predicted[rows], before, after)
 
 
 def _mean_distances(places: FloatArray) -> FloatArray:
@@ -127,7 +127,7 @@ def _left(sample: Sample, points: Points, readings: FloatArray) -> float:
     return rms((sample.compared(readings, sample.predicted) - sample.predicted)[:, columns])
 
 
-def _told(
+def _suspicion(
     sample: Sample, place: OtherReflector, read: FloatArray, predicted: FloatArray, before: float, after: float
 ) -> Hint:
     """In words: the distances as read, and as the machine file has them."""
