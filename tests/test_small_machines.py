@@ -40,3 +40,18 @@ def test_a_stage_of_some_micrometres_can_be_planned(limits: str, tmp_path: Path)
     least = np.abs(there - before).min(axis=0)
     assert (least > 1e-3).all() and (least < 1.5).all()
     assert not limits or ((before > 0) & (before < 15)).all()
+
+
+def test_the_direction_of_a_slide_that_is_drawn_at_its_zero_is_felt(tmp_path: Path) -> None:
+    """Where it stands the direction moves nothing, elsewhere it does: `check` said that it has none."""
+    file = tmp_path / "square.yaml"
+    text = STAGE.replace("along: y", "along: [sq, 1]").replace("sy: 1, h", "sy: 1, sq: {nominal: 0, range: 0.01}, h")
+    file.write_text(text.replace(", LIMITS", ""))
+    done = run("check", file)
+    assert done.code == 0 and "no faults" in done.err, done.err
+    (tmp_path / "true.yaml").write_text("parameters: {sq: 0.004}\n")
+    poses = tmp_path / "poses.csv"
+    poses.write_text("u [um],v [um]\n0,0\n0,10\n5,10\n")
+    done = run("simulate", file, poses, "-p", tmp_path / "true.yaml", "-o", tmp_path / "seen.csv")
+    x = column(tmp_path / "seen.csv", "x") - 3
+    assert done.code == 0 and x == pytest.approx(np.array([0, 0.01 * 0.004, 0.005 + 0.01 * 0.004]), abs=1e-9)
