@@ -142,6 +142,23 @@ def test_pi_and_degrees_are_doubted(tmp_path: Path) -> None:
     assert warned(tmp_path, text.replace("cos(30)", "cos(30*pi/180)").replace("pi/2", "90")) == []
 
 
+@pytest.mark.parametrize(("unit", "scale"), [("deg", 180 / math.pi), ("mrad", 1000.0), ("rad", 1.0)])
+def test_an_angle_that_is_added_inside_a_function_is_added_in_radians(unit: str, scale: float, tmp_path: Path) -> None:
+    """By the angle-sum formula; 120*pi/180 was taken as 2.09 deg where a parameter in degrees is added."""
+    text = f"units: {{length: mm, angle: {unit}}}\nspace: planar\nparameters: {{e: {{nominal: {0.01 * scale!r}, "
+    text += "range: 1}}\nground: {A: [300*cos(120*pi/180 + e), 300*sin(e - pi/6)]}\n"
+    text += "nodes: {n: [0, 0]}\nbars: {b: {between: [A, n]}}\n"
+    machine = read(tmp_path, text)
+    x, y = (q.number(machine.nominal_values()) for q in machine.ground["A"])
+    assert x == pytest.approx(0.3 * (-0.5 * math.cos(0.01) - math.sqrt(0.75) * math.sin(0.01)), abs=1e-15)
+    assert y == pytest.approx(0.3 * (math.sqrt(0.75) * math.sin(0.01) - 0.5 * math.cos(0.01)), abs=1e-15)
+    assert not machine.warnings
+    doubted = warned(tmp_path, text.replace("120*pi/180", "120"))
+    assert [w for w in doubted if "rad: function" in w] == (
+        [] if unit == "rad" else ["`cos(120 + e)` is evaluated at 120 + e rad: function arguments are in rad"]
+    )
+
+
 def test_masses_without_gravity_are_doubted(tmp_path: Path) -> None:
     text = "space: spatial\nground: {o: [0, 0, 0]}\nnodes: {n: {at: [1, 0, 0], mass: 2}}\n"
     text += "bars: {b: {between: [o, n]}}\n"

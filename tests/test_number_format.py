@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pkmcal_cli.report.number_format import handy, plain_number, plausible_share, uncertain, unknown
+from pkmcal_cli.report.number_format import handy, plain_number, plausible_share, readable, uncertain, unknown
 from pkmcal_cli.units.unit_text import parse_unit
 from tests.command import run
 
@@ -31,6 +31,12 @@ def test_numbers_are_plain() -> None:
 )
 def test_amounts_have_units_that_suit_them(value: float, unit: str, text: str) -> None:
     assert handy(value, parse_unit(unit)) == text
+
+
+@pytest.mark.parametrize(("unit", "text"), [("mm", "12.34 um"), ("in", "0.0004858 in"), ("deg", "12.34 urad")])
+def test_small_lengths_are_in_micrometres_beside_metric_ones(unit: str, text: str) -> None:
+    """A column of errors had um in one row and inches in the next."""
+    assert readable(1.234e-5, parse_unit(unit)) == text
 
 
 MACHINE = """

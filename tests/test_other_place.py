@@ -180,3 +180,21 @@ def test_of_one_coordinate_a_shift_is_told_too() -> None:
     lines = [line.split(",") for line in Path(table("triglide", shifted)).read_text().splitlines()]
     Path("x.csv").write_text("\n".join([*(",".join(cells[:5]) for cells in lines), ""]))
     assert f"{TOLD}shifted by `x` 30 mm" in run("check", MACHINES / "triglide.yaml", "x.csv").err
+
+
+def test_orientations_that_hardly_vary_do_not_hide_a_shift() -> None:
+    """Of a platform that only translates: its rods are off, so its orientation differs by many times its spread."""
+    (Path("turns.yaml")).write_text(
+        f"extends: {MACHINES / 'delta4.yaml'}\nsensors: {{tracker: {{reads: [x, y, z, rx, ry, rz], "
+        "sigma: {position: 10 um, orientation: 20 urad}}}\n"
+    )
+    Path("true.yaml").write_text("parameters: {l1a: 500.08, l2b: 499.93, l3a: 500.06, l4b: 500.05}\n")
+    done = run("simulate", "turns.yaml", "--grid", "40", "-p", "true.yaml", "--noise", "declared")
+    head, *rows = (line for line in done.out.splitlines() if not line.startswith("#"))
+    column = next(k for k, name in enumerate(head.split(",")) if name.startswith("x "))
+    cells = [row.split(",") for row in rows]
+    for row in cells:
+        row[column] = str(float(row[column]) + 30.0)
+    Path("t.csv").write_text("\n".join([head, *(",".join(row) for row in cells), ""]))
+    done = run("check", "turns.yaml", "t.csv")
+    assert done.code == 1 and f"{TOLD}shifted by `x` 30 mm: residual rms" in done.err

@@ -102,3 +102,18 @@ def test_a_fine_stage_has_an_instrument_that_tells_its_places_apart(tmp_path: Pa
         file = tmp_path / "m.yaml"
         file.write_text(text.replace("sigma: 3 um", f"sigma: {sigma}"), encoding="utf-8")
         assert len(doubts(file)) == warnings, sigma
+
+
+@pytest.mark.parametrize(("unit", "turn", "warnings"), [
+    ("mrad", "120 deg", 0), ("mrad", "2094.395102393195", 0), ("mrad", "2.0944", 1),
+    ("rad", "400 deg", 0), ("rad", "400", 1),
+])  # fmt: skip
+def test_angles_that_state_their_unit_are_meant(unit: str, turn: str, warnings: int, tmp_path: Path) -> None:
+    """As those that no slip makes: 120 deg in a file in mrad is 2094 mrad, which is no 2094 rad."""
+    file = tmp_path / "m.yaml"
+    file.write_text(
+        f"units: {{length: mm, angle: {unit}}}\nspace: planar\nframes: {{f: {{turn: {turn}}}}}\n"
+        "guides: {g: {frame: f}}\nbodies: {c: {guide: g, at: 0, points: {P: [300, 0]}}}\nactuators: {q: {moves: c}}\n"
+        "sensors: {s: {at: P, reads: [x, y], sigma: 1 um, frame: machine}}\n"
+    )
+    assert len(doubts(file)) == warnings, doubts(file)

@@ -7,13 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from pkmcal_cli.base.errors import Fault
-from pkmcal_cli.base.plural import count
-from pkmcal_cli.compiler.assemble import BadConfiguration, Gap, Mobility
+from pkmcal_cli.compiler.assemble import BadConfiguration, Gap
 from pkmcal_cli.compiler.axes import depends, parallel
 from pkmcal_cli.compiler.build import Compiled
 from pkmcal_cli.compiler.coefficient_values import constant_vector, is_zero
 from pkmcal_cli.compiler.connection import unconnected_parts
 from pkmcal_cli.compiler.limit_faults import beyond_beams, outside_limits
+from pkmcal_cli.compiler.mobility_faults import mobility_faults
 from pkmcal_cli.compiler.paths import path_of
 from pkmcal_cli.compiler.physical import section_faults
 from pkmcal_cli.compiler.placed_effects import weightless
@@ -61,7 +61,7 @@ def mechanism_faults(machine: Machine, compiled: Compiled) -> list[Fault]:
     return [
         *faults,
         *compiled.doubts,
-        *_mobility_faults(machine, compiled.mobility),
+        *mobility_faults(machine, compiled.mobility),
         *_shared_misfit(machine, compiled.shared_by),
         *outside_limits(machine, compiled.model),
         *beyond_beams(machine, compiled.model),
@@ -223,28 +223,6 @@ def _gap_fault(machine: Machine, gap: Gap, length: float) -> Fault:
     return machine.source.fault("drawing", message, path, hint if large else None, at_key=True, warning=not large)
 
 
-def _mobility_faults(machine: Machine, mobility: Mobility) -> list[Fault]:
-    at = ("actuators",) if machine.actuators else ()
-    summary = f"{_mobility_text(machine, mobility)} ({_counts(mobility)})"
-    if mobility.nearby != mobility.degrees_of_freedom:
-        message = (
-            f"the reference configuration is singular: {count(mobility.nearby, 'degree')} of freedom in nearby poses"
-        )
-        hint = "choose a non-singular pose as the reference configuration"
-        faults = [machine.source.fault("mobility", f"{message} ({_counts(mobility)})", at, hint)]
-    else:
-        faults = (
-            [machine.source.fault("mobility", summary, at, _mobility_hint(mobility))] if _immobile(mobility) else []
-        )
-    if mobility.rigid_loops:
-        members = ", ".join(f"`{n}`" for n in mobility.rigid_loops)
-        path = path_of(machine, mobility.rigid_loops[0])
-        hint = "give one of them, or a joint or actuator of the loop, a stiffness"
-        message = f"closed loop without compliance: {members}"
-        faults.append(machine.source.fault("rigid-loop", message, path, hint, at_key=True))
-    return faults
-
-
 def _shared_misfit(machine: Machine, members: tuple[str, ...]) -> list[Fault]:
     """A warning that a rigid machine takes the least squares of its drives' misfits."""
     if not members:
@@ -255,44 +233,3 @@ def _shared_misfit(machine: Machine, members: tuple[str, ...]) -> list[Fault]:
     )
     hint = "forces mean nothing there; give one of them, or a joint or actuator of the loop, a stiffness"
     return [machine.source.fault("rigid-loop", message, path_of(machine, members[0]), hint, at_key=True, warning=True)]
-
-
-def _immobile(mobility: Mobility) -> bool:
-    return bool(mobility.uncontrolled or mobility.undetermined or mobility.overdetermined > 0)
-
-
-def _mobility_text(machine: Machine, mobility: Mobility) -> str:
-    """What the drives do not hold, or hold twice."""
-    if mobility.uncontrolled:
-        times = {name: mobility.uncontrolled.count(name) for name in mobility.uncontrolled}
-        moved = (name if n == 1 else f"{name} ({count(n, 'motion')})" for name, n in times.items())
-        return f"no actuator or joint constrains the {', '.join(moved)}"
-    unmarked = [n for n, a in machine.actuators.items() if not a.redundant and a.holds]
-    named = f"not marked redundant ({', '.join(unmarked)})" if unmarked else "(all redundant or force-controlled)"
-    drives = f"the actuators {named}"
-    open_, twice = mobility.undetermined, mobility.overdetermined
-    free = f"{count(open_, 'degree')} of freedom uncontrolled"
-    if open_ and twice > 0:
-        return f"{drives} overconstrain {count(twice, 'motion')} and leave {free}"
-    if open_:
-        return f"{drives} leave {free}"
-    return f"{drives} exceed the degrees of freedom by {twice}"
-
-
-def _mobility_hint(mobility: Mobility) -> str:
-    if mobility.uncontrolled:
-        return "add an actuator, joint or stiffness that constrains it"
-    if mobility.undetermined and mobility.overdetermined > 0:
-        return "mark other actuators `redundant: true`, or choose another pose as the reference configuration"
-    if mobility.undetermined:
-        return f"remove `redundant: true` or `control: force` from {count(mobility.undetermined, 'actuator')}"
-    meant = f"; or, if {count(mobility.nearly_free, 'more motion')} should be free, draw parallel guides parallel"
-    deviations = f"{meant}, and write deviations as parameters of nominal 0" if mobility.nearly_free else ""
-    return f"mark {mobility.overdetermined} of them `redundant: true`{deviations}"
-
-
-def _counts(mobility: Mobility) -> str:
-    return (
-        f"degrees of freedom: {mobility.degrees_of_freedom}, actuators: {mobility.actuators}, "
-        f"degree of redundancy: {max(mobility.redundancy, 0)}, states of self-stress: {mobility.self_stress}"
-    )

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.export_case import ExportCase
+from pkmcal_cli.correction.overruns import overruns
 from pkmcal_cli.correction.quadratic_programme import Programme, solve
 from pkmcal_cli.correction.waypoints import Stations, waypoints
 from pkmcal_cli.mechanism.topology import Index
@@ -23,8 +24,6 @@ from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.prediction.inverse_kinematics import DrivePositions, drive_positions
 from pkmcal_cli.prediction.unknown_sides import sided_drives
 
-_OVERRUN = 0.01  # of a drive's travel among the targets: by which it comes from its side at least
-_LEAST = 1e-3  # m or rad: the same where it hardly travels
 _LATE = 0.02  # of a way: its end
 _STILL = 1e-9  # m or rad; a drive that moves less has not moved
 _LONGEST = 0.1  # of the machine's size, or rad: a way of the tool point past a target
@@ -103,8 +102,7 @@ def _passed(case: ExportCase, rows: Index, drives: Index, sides: Array) -> tuple
     at = drive_positions(model, poses, case.values, held, derivatives=True)
     columns = [DIRECTIONS.index(c) for c in held]
     size = np.where([c in "xyz" for c in held], model.length, 1.0)
-    overrun = np.maximum(_OVERRUN * np.ptp(case.corrected[:, drives], axis=0), _LEAST)
-    step = _shortest(at, drives, size, sides, overrun)
+    step = _shortest(at, drives, size, sides, overruns(model, case.corrected, drives))
     had = (np.abs(step) <= _LONGEST).all(axis=1)
     step[~had] = 0.0
     begin, last = corrected, corrected

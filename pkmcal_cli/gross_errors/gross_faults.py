@@ -23,14 +23,15 @@ from pkmcal_cli.gross_errors.drive_columns import explain_by_prediction
 from pkmcal_cli.gross_errors.drive_zeros import explain_zeros
 from pkmcal_cli.gross_errors.mirror import brought_back, explain_frame
 from pkmcal_cli.gross_errors.other_place import explain_place
+from pkmcal_cli.gross_errors.other_reflector import explain_reflectors
 from pkmcal_cli.gross_errors.permuted import permuted_rows
-from pkmcal_cli.gross_errors.plausibility import BETTER, EXPLAINED, Hint, MovedReadings, evidence, misfit
+from pkmcal_cli.gross_errors.plausibility import EXPLAINED, Hint, misfit
+from pkmcal_cli.gross_errors.reason import Reason
 from pkmcal_cli.gross_errors.repeated import repeated_readings
-from pkmcal_cli.gross_errors.row_shift import RowShift, apply_shifts, find_row_shifts
 from pkmcal_cli.gross_errors.sample import Sample
+from pkmcal_cli.gross_errors.shifted_rows import shifted_rows
 from pkmcal_cli.prediction import WarmStart
 from pkmcal_cli.units.measurands import Measurand
-from pkmcal_cli.units.unit_text import parse_unit
 
 IntArray = NDArray[np.intp]
 
@@ -38,20 +39,6 @@ _POSES = 20  # of these, rows for which the inverse model is asked
 _ALIKE = 4.0  # explanations that leave so many times the least do as well
 _PART = 0.5  # share of the misfit that hints may leave where no explanation is complete
 _FEWEST = 4  # poses by which drives are judged
-
-
-@dataclass(frozen=True)
-class _Reason:
-    """An explanation: its hints, and the relative misfit before and after they are followed."""
-
-    hints: tuple[Hint, ...]
-    before: float
-    after: float
-
-    @property
-    def complete(self) -> bool:
-        """Whether it has something to say, and that explains all there is to explain."""
-        return bool(self.hints) and bool(np.isfinite(self.after)) and self.after <= BETTER * self.before
 
 
 def gross_faults(
@@ -149,10 +136,10 @@ def _suspected(table: _Table) -> tuple[Hint, ...]:
     return (*(chosen or permuted_rows(sample, row_origin) or repeated_readings(sample, row_origin)), *steady)
 
 
-def _reasons(table: _Table) -> list[_Reason]:
+def _reasons(table: _Table) -> list[Reason]:
     """Explanations of a table that is grossly off: by its channels, by shifted rows, by its drives."""
     sample, problem, values = table.sample, table.problem, table.values
-    reasons = [_channels(sample, True), _rows(sample, table.sessions, table.row_origin)]
+    reasons = [_channels(sample, True), shifted_rows(sample, table.sessions, table.row_origin)]
     if not reasons[0].hints:
         reasons.append(_channels(sample, False))  # a wrong unit of an angle is lost when whole turns are taken off
     much = reasons[0].before > EXPLAINED or sample.mostly_lost  # no less than what an explanation may leave
@@ -161,17 +148,18 @@ def _reasons(table: _Table) -> list[_Reason]:
         unplaced = sample.of_unknown_frames or np.isinf(reasons[-1].before)  # drives cannot be judged by poses
         if unplaced and not any(r.complete and not _of_drives(problem, r) for r in reasons):
             hints, before = explain_by_prediction(sample.part, values, sample.seen)
-            reasons += [_Reason((h,), before, h.after) for h in hints]
-    return reasons if any(r.complete for r in reasons) else [*reasons, _Reason(*explain_place(sample))]
+            reasons += [Reason((h,), before, h.after) for h in hints]
+    explained = any(r.complete and not sample.still_gross(r.hints) for r in reasons)
+    return reasons if explained else [*reasons, *(Reason(*e(sample)) for e in (explain_place, explain_reflectors))]
 
 
-def _of_drives(problem: Problem, reason: _Reason) -> bool:
+def _of_drives(problem: Problem, reason: Reason) -> bool:
     """Whether channels of an explanation are readings of drives, so that it may as well be other drives."""
     drives = {c.name for c in problem.model.channels if c.measurand is Measurand.DRIVE}
     return any(drives & set(h.names) for h in reason.hints)
 
 
-def _chosen(reasons: list[_Reason]) -> tuple[Hint, ...]:
+def _chosen(reasons: list[Reason]) -> tuple[Hint, ...]:
     """The hints of the explanation that leaves least; of those that do as well, of that which changes least."""
     complete = [r for r in reasons if r.complete]
     if not complete:
@@ -187,7 +175,7 @@ def _chosen(reasons: list[_Reason]) -> tuple[Hint, ...]:
     return (*first, *alternatives)
 
 
-def _channels(sample: Sample, rotated: bool) -> _Reason:
+def _channels(sample: Sample, rotated: bool) -> Reason:
     """What explains the measured channels; `rotated`: with turns by the shorter way."""
     names, units = _named(sample)
     readings, predicted = sample.readings, sample.predicted
@@ -201,7 +189,7 @@ def _channels(sample: Sample, rotated: bool) -> _Reason:
         hints += hint
         columns = [k for p in (*points, *turns) for k in p]
         corrected[:, columns] = brought_back(changed, predicted, points, turns)[:, columns]
-    return _Reason(tuple(hints), *(misfit(table, predicted, seen) for table in (seen, corrected)))
+    return Reason(tuple(hints), *(misfit(table, predicted, seen) for table in (seen, corrected)))
 
 
 def _steady(sample: Sample) -> tuple[Hint, ...]:
@@ -217,84 +205,17 @@ def _named(sample: Sample) -> tuple[list[str], list[str]]:
     return [c.name for c in channels], [c.unit for c in channels]
 
 
-def _drives(sample: Sample) -> _Reason:
+def _drives(sample: Sample) -> Reason:
     """What explains the drives, by the positions that they have at the measured poses."""
     few = np.linspace(0, len(sample.rows) - 1, min(_POSES, len(sample.rows))).round().astype(int)
     part, values, model = sample.part.take(few), sample.evaluation.values, sample.part.model
     measured = measured_poses(part, values)
     if len(measured.rows) < _FEWEST:
-        return _Reason((), np.inf, np.inf)
+        return Reason((), np.inf, np.inf)
     expected, readings = measured.drive_readings(values), part.rows.readings[measured.rows]
     table = (readings, expected, model.drive_names, [a.unit for a in model.actuators])
     explanation = explain_columns(*table)
     if not explanation.hints and sample.mostly_lost:
         explanation = explain_zeros(*table)
     both = (readings, explanation.corrected)
-    return _Reason(explanation.hints, *(misfit(q, expected, readings) for q in both))
-
-
-def _rows(sample: Sample, sessions: IntArray, row_origin: Callable[[int], str]) -> _Reason:
-    """Whether readings belong to other rows: all of them, or those of some instruments."""
-    best = _Reason((), np.inf, np.inf)
-    for channels in _blocks(sample):
-        shifted = _shifted(sample, channels, sessions, row_origin)
-        if shifted.complete:
-            return shifted
-        best = min(best, shifted, key=lambda r: r.after)
-    return best
-
-
-def _blocks(sample: Sample) -> list[list[int]]:
-    """Channels that may be shifted together: all, of instruments outside the drives, of one instrument or drive."""
-    model = sample.part.model
-    measured = [k for k in range(len(model.channels)) if sample.part.measured[:, k].any()]
-    outside = [k for k in measured if not model.channels[k].measurand.of_drive]
-    by_name: dict[str, list[int]] = {}
-    for sensor in model.sensors:
-        by_name.setdefault(sensor.name, []).extend(int(k) for k in sensor.channels)
-    by_name |= {model.channels[k].name: [k] for k in model.measuring(Measurand.DRIVE)}
-    blocks = [measured, outside, *([k for k in each if k in measured] for each in by_name.values())]
-    return [list(b) for b in dict.fromkeys(tuple(sorted(b)) for b in blocks) if b]
-
-
-def _shifted(sample: Sample, channels: list[int], sessions: IntArray, row_origin: Callable[[int], str]) -> _Reason:
-    """Whether the readings of some channels belong to other rows."""
-    readings = np.where(sample.whole.measured, sample.whole.readings, np.nan)
-    predicted = sample.predicted
-    some = np.full_like(readings, np.nan)
-    some[:, channels] = readings[:, channels]
-    shifts = find_row_shifts(some, predicted, sample.rows, sessions, sample.seen)
-    right = readings.copy()
-    right[:, channels] = apply_shifts(some, sessions, ((s.shift, s.first, s.unsure) for s in shifts))[:, channels]
-    seen, corrected = (sample.seen(table[sample.rows], predicted) for table in (readings, right))
-    alike = len({s.shift for s in shifts}) == 1 and all(s.whole for s in shifts)
-    every = alike and len(shifts) == len(np.unique(sessions))
-    shown = shifts[:1] if every else shifts
-    names, _ = _named(sample)
-    whose = "" if len(channels) == len(names) else " of " + ", ".join(f"`{names[k]}`" for k in channels)
-    moved = tuple(MovedReadings(tuple(names[k] for k in channels), s.shift, s.first, s.unsure) for s in shifts)
-    hints = tuple(
-        _row_hint(sample, s, whose, "" if every else _where(s, row_origin), moved if every else (m,))
-        for s, m in zip(shown, moved, strict=False)
-    )
-    return _Reason(hints, *(misfit(table, predicted, seen) for table in (seen, corrected)))
-
-
-def _where(shift: RowShift, row_origin: Callable[[int], str]) -> str:
-    return f" from {row_origin(int(shift.rows[0]))} to {row_origin(int(shift.rows[-1]))}"
-
-
-def _row_hint(sample: Sample, shift: RowShift, whose: str, where: str, moved: tuple[MovedReadings, ...]) -> Hint:
-    """The channel that shows a shift most clearly gives the figures."""
-    channels = sample.part.model.channels
-    with np.errstate(invalid="ignore", divide="ignore"):
-        fall = np.nan_to_num(shift.before / np.maximum(shift.after, sample.prior_rms))
-    k = int(fall.argmax())
-    unit = parse_unit(channels[k].unit)
-    rows = {1: "one row", 2: "two rows"}[abs(shift.shift)]
-    other = {1: "next row", -1: "row before", 2: "row two after", -2: "row two before"}[shift.shift]
-    before, after = float(shift.before[k]), float(shift.after[k])
-    words = f"{evidence(unit, before, after)} when each row takes the readings of the {other}"
-    message = f"the readings{whose} look shifted by {rows}{where}: `{channels[k].name}` {words}"
-    names, rows_off = (channels[k].name,), tuple(shift.rows.tolist())
-    return Hint(kind="rows", names=names, message=message, before=before, after=after, rows=rows_off, moved=moved)
+    return Reason(explanation.hints, *(misfit(q, expected, readings) for q in both))

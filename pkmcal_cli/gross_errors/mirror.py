@@ -89,6 +89,8 @@ class _Change:
         if self.others:
             kind, half = "swapped", len(words) // 2
             message = f"{', '.join(words[:half])} and {', '.join(words[half:])} look swapped: {proof} when swapped back"
+        elif self.factor < 0 and not self.suspects:
+            kind, message = "sign", f"{words[0]} looks reversed in sign: {proof} with the opposite sign"
         elif self.factor < 0:
             kind = "mirrored"
             message = f"{', '.join(words)} look mirrored (one axis reversed in sign, or two columns swapped): "
@@ -107,13 +109,20 @@ class _Change:
 
 
 def _changes(points: Points, unit: Unit) -> Iterator[_Change]:
-    """A mirror image; units of all, of one axis, of one point; points exchanged, or one axis of them."""
+    """A mirror image; units of all, of one axis, of one point, of one column; points exchanged, or one axis of them.
+
+    Where there are several points, of each also a sign, or two axes exchanged.
+    """
     every = tuple(k for p in points for k in p)
     yield _Change(tuple(p[0] for p in points), -1.0, suspects=every)
     axes = [tuple(p[k] for p in points) for k in range(len(points[0]))]
-    for columns in dict.fromkeys((every, *axes, *(tuple(p) for p in points))):
+    each = [(k,) for k in every] if len(points) > 1 else []
+    yield from (_Change(column, -1.0) for column in each)
+    for columns in dict.fromkeys((every, *axes, *(tuple(p) for p in points), *each)):
         for factor in factors_of(unit):
             yield _Change(columns, factor)
+    for point in points if len(points) > 1 else ():
+        yield from (_Change((a,), others=(b,)) for a, b in combinations(point, 2))
     for one, other in combinations(points, 2):
         yield _Change(tuple(one), others=tuple(other))
         for a, b in zip(one, other, strict=True):

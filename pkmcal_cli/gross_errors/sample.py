@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,7 +16,7 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate
 from pkmcal_cli.gross_errors.frame_turns import lever
 from pkmcal_cli.gross_errors.mirror import MORE_THAN_AXES, brought_back
-from pkmcal_cli.gross_errors.plausibility import FEW, GROSS, rms, spread
+from pkmcal_cli.gross_errors.plausibility import FEW, GROSS, Hint, rms, spread
 from pkmcal_cli.prediction import WarmStart
 
 IntArray = NDArray[np.intp]
@@ -81,6 +82,11 @@ class Sample:
         residual = self.seen(self.readings, self.predicted) - self.predicted
         large = [rms(r) > GROSS * u for r, u in zip(residual.T, self.prior_rms, strict=True) if np.isfinite(r).any()]
         return any(large) or not self.evaluation.prediction.solved.all()
+
+    def still_gross(self, hints: Sequence[Hint]) -> bool:
+        """Whether a channel is off by more than parameters explain once what is suspected is put right."""
+        expected = {c.name: u for c, u in zip(self.part.model.channels, self.prior_rms, strict=True)}
+        return any(h.after > GROSS * max(expected.get(n, np.inf) for n in h.names) for h in hints)
 
     @cached_property
     def few_rows_off(self) -> bool:

@@ -1,7 +1,7 @@
 """Binding of values as written: dimensions checked, bare numbers given their unit, the term made SI.
 
 A plain number ("bare": only numbers, or a sine of something) has no dimension of its own: in a
-sum it takes the file's unit of the other terms, as a result that of the field.
+sum it takes the file's unit of the other terms, as a result that of the field. What a sine is taken of is in rad.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pkmcal_cli.base.plural import with_article
 from pkmcal_cli.expressions.parser import (
@@ -29,6 +29,9 @@ from pkmcal_cli.units.unit_text import UNITS, Unit, UnitError, parse_unit
 
 Typed = tuple[Term, Dimension | None]
 """A term in SI (as far as it has a dimension) and its dimension; None for a bare number."""
+
+TURNING = ("sin", "cos", "tan")
+"""Functions of an angle."""
 
 _PARAMETER = re.compile(r"([A-Za-z_]+)[0-9]\w*")  # a name as parameters have, where the part before a digit is no unit
 _NO_VALUE = (ValueError, ZeroDivisionError, OverflowError)
@@ -173,10 +176,11 @@ class Binder:
         if name in ("hypot", "min", "max", "atan2", "abs"):
             terms, dimension = self._alike(node.args, text)
             return ("call", name, *terms), ANGLE if name == "atan2" else dimension
-        term, dimension = self.typed(node.args[0], text)
+        in_radians = replace(self, units=replace(self.units, angle=UNITS["rad"]))
+        term, dimension = (in_radians if name in TURNING else self).typed(node.args[0], text)
         if name == "sqrt":
             return ("call", name, term), None if dimension is None else dimension**0.5
-        allowed = (None, NUMBER, ANGLE) if name in ("sin", "cos", "tan") else (None, NUMBER)
+        allowed = (None, NUMBER, ANGLE) if name in TURNING else (None, NUMBER)
         if dimension not in allowed:
             expected = "an angle" if ANGLE in allowed else "a plain number"
             message = f"`{source_of(node.args[0], text)}` is {article(dimension)}; `{name}` expects {expected}"

@@ -45,7 +45,7 @@ class Doubts:
 
     def of_number(self, number: Number, band: Band, hint: str | None = None) -> Fault:
         """The warning of a number where it is written."""
-        path, unit, dimension = self._written_at(number), self._unit(number), number.quantity.dimension
+        path, unit, dimension = self._written_at(number), self.unit_of(number), number.quantity.dimension
         return self.of_value(number.label, path, self.size(number), dimension, band, unit=unit, hint=hint)
 
     def of_value(
@@ -78,7 +78,7 @@ class Doubts:
         text = number.quantity.text.strip()
         return ("parameters", text, "nominal") if text in self.machine.parameters else number.path
 
-    def _unit(self, number: Number) -> Unit | None:
+    def unit_of(self, number: Number) -> Unit | None:
         """That which is written behind it, if any."""
         text = number.quantity.text.strip()
         try:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from typing import Any
 
 from pkmcal_cli.base.errors import Fault
@@ -158,13 +158,13 @@ def _band_of_range(dimension: Dimension, size: float, nominal: float) -> Band | 
 
 
 def _angles(doubts: Doubts) -> Iterator[Fault]:
-    """Angles of more than a turn in a file in radians; in one in degrees, multiples of 15 degrees in radians."""
+    """Bare angles of more than a turn in a file in radians; in others, multiples of 15 degrees in radians."""
     machine, radians = doubts.machine, doubts.machine.file_units.angle.scale == 1.0
     reported: set[str] = set()
-    for label, path, written in _orientations(machine, doubts.values):
+    for label, path, written in _orientations(machine, doubts):
         number = abs(written / machine.file_units.angle.scale)
-        steps = number / _ROUND[0]
-        slipped = number > 2 * math.pi + 1e-9 if radians else steps > 0.9 and abs(steps - round(steps)) < _ROUND[1]
+        steps, more = number / _ROUND[0], number > 2 * math.pi + 1e-9
+        slipped = more if radians else not more and steps > 0.9 and abs(steps - round(steps)) < _ROUND[1]
         if slipped and label not in reported:
             reported.add(label)
             likely_unit, file_unit = ("deg", "rad") if radians else ("rad", machine.file_units.angle.text)
@@ -173,13 +173,13 @@ def _angles(doubts: Doubts) -> Iterator[Fault]:
             yield doubts.fault("magnitude", message, path, hint)
 
 
-def _orientations(machine: Machine, values: dict[str, float]) -> Iterator[tuple[str, Path, float]]:
-    """Angles as drawn."""
+def _orientations(machine: Machine, doubts: Doubts) -> Iterator[tuple[str, Path, float]]:
+    """Angles as drawn, rad, that are written without a unit."""
     for name, parameter in machine.parameters.items():
         if parameter.dimension == ANGLE:
             yield f"nominal of {name}", ("parameters", name, "nominal"), parameter.nominal
     for kind in ("frames", "bodies"):
         for name, entity in getattr(machine, kind).items():
-            orientation: Sequence[Quantity] = entity.turn
-            for quantity in orientation:
-                yield f"turn of {name}", (kind, name, "turn"), quantity.number(values)
+            for number in numbers_of((kind, name), entity, ("turn",)):
+                if doubts.unit_of(number) is None:
+                    yield number.label, number.path, number.quantity.number(doubts.values)

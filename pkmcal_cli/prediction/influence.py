@@ -11,9 +11,10 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.derivative import adjoint_derivative
-from pkmcal_cli.equilibrium.kinematics import advance, reference_state
+from pkmcal_cli.equilibrium.kinematics import advance, place_prescribed, reference_state
 from pkmcal_cli.equilibrium.readings import read_quantities
 from pkmcal_cli.equilibrium.system_numbers import system_numbers
+from pkmcal_cli.mechanism.topology import DriveKind
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_channels import tcp_model
 
@@ -38,8 +39,11 @@ def _coefficient_influence(model: Model) -> Array:
     coefficients = model.reference_coefficients.copy()  # at reading 0 of its drive a member may have no length
     for group in topology.groups:
         coefficients[:, group.prestress] += 1.5 + 0.5 * _scattered(group.prestress.stop - group.prestress.start)
-    state = reference_state(topology, coefficients, 1, system.constraints)
-    step = _scattered(system.size, 1.0) * _MOVE * min(model.length, 1.0)
+    travels = [d.coefficient for d in topology.drives if d.kind is DriveKind.TRAVEL]
+    moved = _MOVE * min(model.length, 1.0)
+    coefficients[:, travels] += moved * _scattered(len(travels), 3.0)  # at travel 0 its direction moves no carriage
+    state = place_prescribed(topology, coefficients, reference_state(topology, coefficients, 1, system.constraints))
+    step = moved * _scattered(system.size, 1.0)
     state = advance(system, state, step[None], 1.0)
     adjoint = _scattered(system.size, 2.0)[None, None]
     numbers = system_numbers(system, coefficients)

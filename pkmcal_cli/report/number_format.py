@@ -54,14 +54,14 @@ def short(value: float) -> str:
 
 
 def readable(value: float, unit: Unit, like: float | None = None) -> str:
-    """A length or angle (SI) in the file's unit, or in um or urad where that reads better; a dash for nan.
+    """A length or angle (SI) in the file's unit, or in um or urad where that reads better, beside inches never.
 
-    `like`: another value that chooses the unit, so that the two can be compared.
+    A dash for nan. `like`: another value that chooses the unit, so that the two can be compared.
     """
     if math.isnan(value):
         return "-"
     small = {"length": ("um", 1e-4), "angle": ("urad", 1e-3)}.get(unit.dimension.name)
-    if small is not None and 0 < abs(value if like is None else like) < small[1]:
+    if small is not None and unit.text != "in" and 0 < abs(value if like is None else like) < small[1]:
         unit = parse_unit(small[0])
     return f"{to_digits(unit.from_si(value), 4)}{'' if unit.text == '1' else f' {unit.text}'}"
 

@@ -15,7 +15,7 @@ from pkmcal_cli.report.added_points import Added
 from pkmcal_cli.report.analysis_report import UNSTRAINED
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.detectable_sizes import sizes_json, sizes_text, worst_text
-from pkmcal_cli.report.number_format import NEVER, detectable_size, finite
+from pkmcal_cli.report.number_format import NEVER, detectable_size, finite, to_digits
 from pkmcal_cli.report.parameters import parameter_unit
 from pkmcal_cli.report.power_report import rates_json, show_rates
 from pkmcal_cli.report.sentences import cause_effect_action, grouped, listed
@@ -86,7 +86,7 @@ class PlanReport:
         for p in self.bench:
             unit = parameter_unit(self.model, p.name)
             gains = ", ".join(self._gain(*gain) for gain in p.gains[:_GAINS])
-            to.say(f"measure {p.name} on the bench to {p.sigma / unit.scale:g} {unit.text}: {gains}")
+            to.say(f"measure {p.name} on the bench to {to_digits(p.sigma / unit.scale, 2)} {unit.text}: {gains}")
 
     def _gain(self, name: str, before: float, after: float) -> str:
         unit = parameter_unit(self.model, name)

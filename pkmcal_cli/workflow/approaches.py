@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.errors import BadInput, Location
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.correction.overruns import LEAST, overruns
 from pkmcal_cli.correction.waypoints import GAP
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_motion import DIRECTIONS
@@ -27,8 +28,6 @@ from pkmcal_cli.workflow.borne_loads import FORCES, Ways
 
 _TRIES = 16  # directions in which the tool point may step back
 _SHORTER = (1.0, 0.3, 0.1)  # lengths of the way that are tried
-_OVERRUN = 0.01  # of a drive's travel among the poses: by which it overruns at least
-_LEAST = 1e-3  # m or rad: the same where it hardly travels
 _ENOUGH = 0.3  # of the overrun, by the drive that moves least
 _LONGEST = 0.05  # of the machine's size, or rad: step of the tool point
 _BEYOND = 1e-7  # m or rad, beyond rounding
@@ -76,13 +75,13 @@ def approaches(
     """
     held = [a for a, d in enumerate(model.topology.drives) if not d.force_controlled]
     overrun = np.full(rows.readings.shape[1], np.inf)
-    overrun[held] = np.maximum(_OVERRUN * np.ptp(rows.readings[:, held], axis=0), _LEAST)
+    overrun[held] = overruns(model, rows.readings, held)
     sides = np.zeros(rows.readings.shape) if sides_of_rows is None else np.nan_to_num(sides_of_rows)
     back, reachable = _steps_back(model, poses, overrun, sides, rng)
     refused = {int(k): NO_WAY for k in np.nonzero(~reachable)[0]}
     back, unsafe = _shortened(model, values, rows, np.where(reachable[:, None], np.nan_to_num(back), 0.0))
     refused |= {k: why for k, why in unsafe.items() if reachable[k]}
-    still = np.abs(back) < _STILL * np.where(np.isinf(overrun), _LEAST, overrun)
+    still = np.abs(back) < _STILL * np.where(np.isinf(overrun), LEAST, overrun)
     return Approaches(back, np.where(still, 0.0, -np.sign(back)), refused)
 
 

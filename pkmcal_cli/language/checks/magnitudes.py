@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 from pkmcal_cli.base.errors import Fault, FaultList, Location
@@ -192,12 +192,19 @@ def radian_warning(path: Path, written: WrittenValue, units: FileUnits, source: 
     for node in nodes:
         if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Name):
             continue
-        argument = node.args[0]
-        if not isinstance(argument, ast.Constant) or not isinstance(argument.value, int | float):
-            continue
-        number = argument.value
-        if node.func.id in ("sin", "cos", "tan") and number > 2 * math.pi:
-            message = f"`{ast.unparse(node)}` is evaluated at {number} rad: function arguments are in rad"
-            hint = f"for degrees, write `{node.func.id}({number}*pi/180)`"
-            return source.fault("magnitude", message, path, hint, argument.col_offset, warning=True)
+        for number, column in _bare_terms(node.args[0]) if node.func.id in ("sin", "cos", "tan") else ():
+            if number > 2 * math.pi:
+                whole, inside = ast.unparse(node), ast.unparse(node.args[0])
+                message = f"`{whole}` is evaluated at {inside} rad: function arguments are in rad"
+                hint = f"for degrees, write `{number:g}*pi/180`"
+                return source.fault("magnitude", message, path, hint, column, warning=True)
     return None
+
+
+def _bare_terms(node: ast.expr) -> Iterator[tuple[float, int]]:
+    """Numbers that are a sum, or terms of it, with their columns."""
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub):
+        yield from _bare_terms(node.left)
+        yield from _bare_terms(node.right)
+    elif isinstance(node, ast.Constant) and isinstance(node.value, int | float):
+        yield float(node.value), node.col_offset
