@@ -123,8 +123,8 @@ def _identified(
     first = evaluate_condensed(problem, problem.model.nominal if start is None else start, selected, states, shift)
     scale = Scaled.of(problem, selected)
     fixed = problem.count == 0 or not (selected or problem.reading_sigma.any())
-    near_earlier = first.solved and (shift is not None or states is not None)
-    as_it_is = fixed or patience.short or near_earlier
+    led_before = shift is not None or (states is not None and patience.enough > 0.0)
+    as_it_is = fixed or patience.short or (led_before and first.solved)
     lead = first if as_it_is else led(problem, scale, first, patience)
     failed = reasons(problem, lead)
     kept, evaluation = _kept(problem, first, lead, failed)
