@@ -61,7 +61,7 @@ GRID = "x=400:500:2,y=300:350:2"
 RODS, STIFF, DRIVES = np.array([400.13, 399.91, 700.07]), 8500.0, 20e3  # mm, N/mm
 
 
-def held(q1: float, q2: float, force: float) -> Array:
+def held(q1: float, q2: float, force: float, rods: Array = RODS, stiff: float = STIFF) -> Array:
     """Places x, y and travel of the third carriage (mm) where rods, drives and its force balance."""
     half = 0.5 * (q2 - q1)
     x, y = q1 + half, 50 + np.sqrt(400**2 - half**2)
@@ -70,7 +70,7 @@ def held(q1: float, q2: float, force: float) -> Array:
     def forces(at: Array) -> Array:
         chords = at[:2] - np.array([[at[3], 50], [at[4], 50], [at[2], 50]])
         lengths = np.hypot(*chords.T)
-        pulls = (STIFF * (lengths - RODS) / lengths)[:, None] * chords
+        pulls = (stiff * (lengths - rods) / lengths)[:, None] * chords
         carriages = -pulls[[2, 0, 1], 0] + [-force, DRIVES * (at[3] - q1), DRIVES * (at[4] - q2)]
         return np.array([*pulls.sum(axis=0), *carriages])
 

@@ -90,6 +90,7 @@ def _sides(problem: Problem, commanded: Evaluation, channels: list[int]) -> NDAr
     if by_drive is None or not all(n in columns for n in names):
         return np.zeros((len(problem), len(channels)), dtype=np.intp)
     last = np.column_stack([np.nan_to_num(columns[n]) for n in names])
+    last = np.where(problem.model.forced, 0.0, last)  # they follow the others
     moved = np.einsum("nca,na->nc", np.nan_to_num(by_drive)[:, channels], last)
     return np.asarray(np.sign(moved), dtype=np.intp)
 

@@ -223,7 +223,7 @@ def _of_sides(problem: Problem, evaluation: Evaluation) -> Array:
     assert by_drive is not None
     if problem.side_sigma is None:
         return np.zeros(problem.readings.shape)
-    drives = np.nan_to_num(by_drive) * (problem.side_sigma / problem.model.gains)[:, None, :]
+    drives = np.nan_to_num(by_drive) * (problem.side_sigma / problem.model.per_command)[:, None, :]
     return np.where(problem.measured, np.sqrt((drives**2).sum(axis=2)), 0.0)
 
 

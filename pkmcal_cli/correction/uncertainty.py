@@ -91,11 +91,11 @@ def _by_unknown_sides(
 ) -> tuple[Array, Array] | tuple[()]:
     """Variances of the tool (N, h) and of forces (N, A) in rows that come from no stated side; none without such."""
     sizes = {name: abs(float(value)) for name, value in zip(tool.machine.names, values, strict=True)}
-    travel = side_sigma(tool.machine, rows, sizes)
-    if travel is None:
+    moved = side_sigma(tool.machine, rows, sizes)
+    if moved is None:
         return ()
     by = tool.at(values, rows, aim.targets, "readings", start)
-    variance = (travel / tool.machine.gains)[:, None] ** 2
+    variance = (moved / tool.machine.per_command)[:, None] ** 2
     return (by.by_tool**2 * variance).sum(axis=2), (by.by_force**2 * variance).sum(axis=2)
 
 

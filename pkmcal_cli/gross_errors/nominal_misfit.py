@@ -62,7 +62,7 @@ def nominal_misfit(sample: Sample) -> NominalMisfit:
 
 def _constant(misfit: NominalMisfit) -> tuple[int, float] | None:
     """The constant of one drive that leaves what ranges and noise explain; None where none does, or several do."""
-    drives = range(len(misfit.sample.part.model.actuators))
+    drives = np.nonzero(~misfit.sample.part.model.forced)[0].tolist()
     tried = [(drive, *_best_constant(misfit, drive)) for drive in drives]
     tried.sort(key=lambda constant: _cost(misfit.sample, constant[2]))
     if not tried or replace(misfit, residual=tried[0][2]).far.any():

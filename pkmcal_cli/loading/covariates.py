@@ -12,10 +12,13 @@ from pkmcal_cli.base.errors import BadInput, Fault, Location
 from pkmcal_cli.base.lean import lean
 from pkmcal_cli.base.plural import count, listed
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.equilibrium.readings import ObservedQuantity
 from pkmcal_cli.model.effect_sites import PlacedEffect
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.prediction import Rows
+from pkmcal_cli.model.parts import Channel
+from pkmcal_cli.prediction import Request, Rows, predict
 from pkmcal_cli.tables.measurement_set import Measurements
+from pkmcal_cli.units.measurands import Measurand
 
 _REST = {
     "temperature": ("T", 293.15, "20 degC"),
@@ -78,6 +81,33 @@ def with_directions(rows: Rows, names: Sequence[str]) -> Rows:
     return replace(rows, columns=columns)
 
 
+def with_sides(rows: Rows, model: Model) -> Rows:
+    """The same; drives that hold no position come from where the nominal machine takes them, where a row does not say.
+    """
+    there = replace(rows, readings=_followed(model, rows))
+    return replace(with_directions(there, model.drive_names), readings=rows.readings)
+
+
+def _followed(model: Model, rows: Rows) -> Array:
+    """Readings (N, A) with those of force-controlled drives where a row has none, but for drives of stated sides."""
+    stated = [not np.isnan(rows.columns.get(f"dir.{name}", np.nan)).any() for name in model.drive_names]
+    drives = np.nonzero(model.forced & ~np.array(stated, dtype=bool) & np.isnan(rows.readings).any(axis=0))[0]
+    if not len(drives) or not len(rows):
+        return rows.readings
+    seen = tuple(ObservedQuantity(Measurand.DRIVE, int(a)) for a in drives)
+    channels = tuple(
+        Channel(
+            name=model.drive_names[a], measurand=Measurand.DRIVE, index=int(a), component=0, sigma=np.nan, unit="1",
+            dimension="none",
+        )
+        for a in drives
+    )  # fmt: skip
+    bare = model.with_options(()).with_channels(channels, seen)
+    predicted, out = predict(bare, bare.nominal, rows, Request(compare=False)).values, rows.readings.copy()
+    out[:, drives] = np.where(np.isnan(out[:, drives]), predicted, out[:, drives])
+    return out
+
+
 def _measured_order(rows: Rows) -> NDArray[np.intp]:
     """Rows (N,) as they were measured, by session; of one time as they stand."""
     time = rows.columns.get("time")
@@ -95,7 +125,7 @@ def at_rest(model: Model, rows: Rows) -> Rows:
     columns = {name: np.full(len(rows), value) for name, value, _ in _resting(model).values()}
     if lagging(model):
         columns["time"] = np.zeros(len(rows))
-    named = with_directions(rows, model.drive_names)
+    named = with_sides(rows, model)
     return replace(rows, columns={**named.columns, **columns})
 
 

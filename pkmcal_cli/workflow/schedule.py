@@ -62,6 +62,7 @@ def write_schedule(
         sessions=[rows.session_names[k] for k in rows.session[index]] if rows.session_names else [],
         drives=[(a.name, loaded.machine.actuators[a.name].column or a.name, a.unit) for a in actuators],
         there=there[index][:, held], begin=begins[index][:, held], side=side[index], readings=_readings(loaded),
+        following={model.actuators[a].name: ways.side[index, a] for a in np.nonzero(model.forced)[0]},
         ways=_ways(model, there[index], begins[index], held) if programmed else (),
         dwell=options.dwell, feed=options.feed, origin=options.origin,
     )  # fmt: skip

@@ -32,7 +32,8 @@ _MOST = 1e6
 @dataclass(frozen=True, kw_only=True)
 class Schedule:
     """Rows in the order of measurement: ids, partners by column, sessions (none: one without a name), set values (n, h)
-    of drives with units, where each approach begins and its sides (n, h); ways: set values (k, h) on the way from the
+    of drives with units, where each approach begins and its sides (n, h); following: sides (n,) of drives that have no
+    set value, by name; ways: set values (k, h) on the way from the
     row before, for programs; readings: headers and units of what is to be filled in.
     """
 
@@ -44,6 +45,7 @@ class Schedule:
     there: Array
     begin: Array
     side: Array
+    following: Mapping[str, Array]
     ways: Sequence[Array]
     readings: Sequence[tuple[str, str | None]]
     dwell: float
@@ -55,10 +57,10 @@ def _table(s: Schedule, target: str, inputs: Collection[str], force: bool) -> No
     headers: list[tuple[str, str | None]] = [("id", None), *[("to", None) for _ in s.partners]]
     headers += [("session", None)] if s.sessions else []
     headers += [(column, unit) for _, column, unit in s.drives]
-    headers += [(f"dir.{name}", None) for name, _, _ in s.drives]
+    headers += [(f"dir.{name}", None) for name in (*(n for n, _, _ in s.drives), *s.following)]
     headers += [(f"{APPROACH}{name}", unit) for name, _, unit in s.drives]
     named = [s.sessions] if s.sessions else []
-    columns: list[Values] = [s.ids, *s.partners, *named, *s.there.T, *s.side.T, *s.begin.T]
+    columns: list[Values] = [s.ids, *s.partners, *named, *s.there.T, *s.side.T, *s.following.values(), *s.begin.T]
     blank, origin = np.full(len(s.ids), np.nan), None if is_stream(target) else s.origin
     with open_writer(target, [*headers, *s.readings], inputs, origin=origin, digits=9, force=force) as writer:
         writer.write([*columns, *(blank for _ in s.readings)])

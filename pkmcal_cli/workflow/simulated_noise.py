@@ -40,8 +40,7 @@ class Noise:
             sigma = np.array([c.sigma for c in model.channels])
             silent = [c.name for c, s in zip(model.channels, sigma, strict=True) if np.isnan(s)]
             channels = np.nan_to_num(sigma)
-            drives = np.nan_to_num([a.sigma for a in model.actuators]) / model.gains
-            drives[[d.force_controlled for d in model.topology.drives]] = 0.0  # their readings are channels
+            drives = model.drive_sigma / model.gains
         elif text != "none":
             dimensions = [parse_unit(c.unit).dimension for c in model.channels]
             value, unit = amount("--noise", text, fitting=tuple(dict.fromkeys(dimensions)))
