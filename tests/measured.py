@@ -10,6 +10,7 @@ from itertools import combinations
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.model.commanded import forced
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Prediction, Request, Rows, predict
 from pkmcal_cli.units.measurands import Measurand
@@ -232,9 +233,9 @@ def jacobian_check(text: str, readings: Array, values: Array | None = None) -> J
         columns.append((p.name, start.jacobian[..., k], p.range, step, np.eye(len(values))[k], none, ""))
     for a, drive in enumerate(machine.actuators):
         step = 1e-5 if drive.dimension == "length" else 1e-4
-        by_reading = 0 * by_drive[..., a] if machine.forced[a] else by_drive[..., a]
+        by_reading = 0 * by_drive[..., a] if forced(machine)[a] else by_drive[..., a]
         columns.append((drive.name, by_reading, 1e-3, step, 0 * values, np.eye(len(none))[a], ""))
-    for a in np.nonzero(machine.forced)[0]:
+    for a in np.nonzero(forced(machine))[0]:
         name = machine.drive_names[a]
         columns.append((f"force of {name}", by_drive[..., a], 1e-3, 0.1, 0 * values, none, name))
     worst, null, size = (0.0, ""), [], 0.0

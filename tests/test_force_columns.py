@@ -15,6 +15,7 @@ from scipy.optimize import root
 
 from pkmcal_cli.base.rotation import Array
 from tests.command import clean, run
+from tests.csv_tables import read_table
 
 LENGTH, TENSION, WEIGHT = 0.5003, 20e3, 3 * 9.81  # m, N, N
 MACHINE = """units: {length: mm, angle: deg, force: N}
@@ -152,3 +153,47 @@ def test_a_machine_that_a_force_strains_is_not_called_unstrained(command: str, t
         file.write_text(SLIDERS.replace("control: force,", f"control: force, force: {force},"))
         done = clean(run(command, file, "--grid", "x=300:700:5,y=250:380:4"))
         assert ("the machine is hardly strained" in done.err) is said, done.err
+
+
+@pytest.mark.parametrize(
+    ("header", "said"),
+    [
+        ("q3.force [N]", ""),
+        ("q3_force [N]", "column `q3_force [N]` is not used and the force of actuator q3 has no column"),
+        ("Q3.force [N]", "did you mean `q3.force [N]`?"),
+    ],
+)
+def test_a_column_of_forces_that_is_nearly_there_is_not_taken_for_a_constant(
+    header: str, said: str, tmp_path: Path
+) -> None:
+    file, table = measured(tmp_path, 1.0)
+    file.write_text(file.read_text().replace("control: force,", "control: force, force: 100,"))
+    table.write_text(table.read_text().replace("q3.force [N]", header))
+    done = run("check", file, table)
+    assert said in done.err and bool(done.code) is bool(said)
+
+
+def test_which_force_is_used_where_the_table_has_none(tmp_path: Path) -> None:
+    file, table = measured(tmp_path, 1.0)
+    declared = "control: force, force: {column: pull, otherwise: 100},"
+    file.write_text(file.read_text().replace("control: force,", declared))
+    table.write_text(table.read_text().replace("q3.force [N]", "pressure"))
+    said = "no force of q3 in 40 of 40 rows: the force of the machine file is used, 100 N"
+    assert said in run("check", file, table).err
+
+
+def test_a_plan_gives_the_forces_that_it_was_made_with(tmp_path: Path) -> None:
+    """By row, of the poses of a table; else what was assumed: a program that is simulated lacks nothing."""
+    (file, table), plan = measured(tmp_path, 1.0), tmp_path / "plan.csv"
+    clean(run("plan", file, table, "--aim", "preload@q3", "--points", "2", "-o", plan))
+    given, asked = read_table(table), read_table(plan)
+    rows = {name: k for k, name in enumerate(asked.texts["id"])}
+    for k in range(40):
+        if (name := f"p{k + 1}") in rows:
+            assert asked.numbers["q3.force"][rows[name]] == given.numbers["q3.force"][k]
+            assert asked.numbers["q1"][rows[name]] == given.numbers["q1"][k]
+    assert asked.numbers["q3.force"][[rows["p41"], rows["p42"]]].tolist() == [0, 0]
+    clean(run("simulate", file, plan, "-q"))
+    clean(run("plan", file, table, "--as", "checklist", "-o", tmp_path / "plan.txt"))
+    force = given.numbers["q3.force"][0]
+    assert f"q3.force: {force:.6g} N" in (tmp_path / "plan.txt").read_text()

@@ -13,6 +13,7 @@ from pkmcal_cli.calibration.frame_start import with_frames
 from pkmcal_cli.calibration.problem import Problem, stated_sigma, usable
 from pkmcal_cli.calibration.unknown_sides import with_unknown_sides
 from pkmcal_cli.loading.covariates import require_filled, with_covariates, with_sides
+from pkmcal_cli.model.commanded import drive_sigma, forced
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.tables.measurement_set import Measurements
@@ -26,8 +27,8 @@ def problem_of(model: Model, measurements: Measurements) -> Problem:
     """
     model = model.for_sessions(measurements.named_sessions)
     require_filled(model, measurements)
-    unstated = model.forced | np.isnan(measurements.actuator_sigma)
-    drive_sigma = np.where(unstated, model.drive_sigma, measurements.actuator_sigma)
+    unstated = forced(model) | np.isnan(measurements.actuator_sigma)
+    of_drives = np.where(unstated, drive_sigma(model), measurements.actuator_sigma)
     readings, stated = (_by_channel(model, measurements, x) for x in (measurements.readings, measurements.sigma))
     rows = Rows(np.asarray(measurements.actuators, dtype=float), np.asarray(measurements.forces, dtype=float))
     rows = with_sides(with_covariates(rows, measurements), model)
@@ -42,7 +43,7 @@ def problem_of(model: Model, measurements: Measurements) -> Problem:
         rows=rows,
         readings=readings,
         sigma=lean(sigma),
-        drive_sigma=lean(drive_sigma),
+        drive_sigma=lean(of_drives),
         measured=known,
     )
     groups = tuple(copies(problem))

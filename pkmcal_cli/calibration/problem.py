@@ -16,6 +16,7 @@ from pkmcal_cli.calibration.identifiability import UNSEEN
 from pkmcal_cli.calibration.nominal_poses import NominalPoses
 from pkmcal_cli.calibration.prior import Prior
 from pkmcal_cli.calibration.whitening import Clusters
+from pkmcal_cli.model.commanded import drive_sigma, forced, per_command
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.parts import Channel
 from pkmcal_cli.prediction import Method, Rows, bounds_of, predict
@@ -96,7 +97,7 @@ class Problem:
     def reading_sigma(self) -> Array:
         """Standard uncertainty of what drives are commanded (N, A): of their readings, or of forces."""
         both = self.drive_sigma if self.side_sigma is None else np.hypot(self.drive_sigma, self.side_sigma)
-        return np.asarray(both / self.model.per_command)
+        return np.asarray(both / per_command(self.model))
 
     @property
     def once(self) -> list[int]:
@@ -155,9 +156,9 @@ class Problem:
 
     def moved(self, errors: Array) -> Rows:
         """Its rows with errors (N, A) of what drives are commanded: of readings, or forces of force-controlled ones."""
-        forced, names = self.model.forced, self.model.drive_names
-        pushed = {f"push.{names[a]}": errors[:, a] for a in np.nonzero(forced)[0] if errors[:, a].any()}
-        moved = self.rows.moved(np.where(forced, 0.0, errors))
+        by_force, names = forced(self.model), self.model.drive_names
+        pushed = {f"push.{names[a]}": errors[:, a] for a in np.nonzero(by_force)[0] if errors[:, a].any()}
+        moved = self.rows.moved(np.where(by_force, 0.0, errors))
         return replace(moved, columns={**moved.columns, **pushed}) if pushed else moved
 
     def part(self, rows: slice | NDArray[np.intp]) -> Problem:
@@ -223,7 +224,7 @@ def design_problem(model: Model, rows: Rows, measured: NDArray[np.bool_] | None 
     grows = any(any(_growth(c)) for c in model.channels)
     far = predict(model, model.nominal, rows).values if grows else None
     sigma = stated_sigma(model, np.full(shape, np.nan) if far is None else far)
-    drives = np.tile(model.drive_sigma, (len(rows), 1))
+    drives = np.tile(drive_sigma(model), (len(rows), 1))
     on = ~np.isnan(sigma) if measured is None else measured & ~np.isnan(sigma)
     return usable(
         Problem(model=model, rows=rows, readings=np.full(shape, np.nan), sigma=sigma, drive_sigma=drives, measured=on)

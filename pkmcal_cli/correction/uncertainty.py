@@ -10,6 +10,7 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array, small_motions
 from pkmcal_cli.correction.set_values import Aim
 from pkmcal_cli.correction.strained_pose import LoadedTool, StrainedPose
+from pkmcal_cli.model.commanded import per_command
 from pkmcal_cli.prediction import Rows, WarmStart
 from pkmcal_cli.prediction.unknown_sides import side_sigma
 
@@ -95,7 +96,7 @@ def _by_unknown_sides(
     if moved is None:
         return ()
     by = tool.at(values, rows, aim.targets, "readings", start)
-    variance = (moved / tool.machine.per_command)[:, None] ** 2
+    variance = (moved / per_command(tool.machine))[:, None] ** 2
     return (by.by_tool**2 * variance).sum(axis=2), (by.by_force**2 * variance).sum(axis=2)
 
 

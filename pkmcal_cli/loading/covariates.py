@@ -12,13 +12,11 @@ from pkmcal_cli.base.errors import BadInput, Fault, Location
 from pkmcal_cli.base.lean import lean
 from pkmcal_cli.base.plural import count, listed
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.equilibrium.readings import ObservedQuantity
+from pkmcal_cli.model.commanded import forced, reading_drives
 from pkmcal_cli.model.effect_sites import PlacedEffect
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.model.parts import Channel
 from pkmcal_cli.prediction import Request, Rows, predict
 from pkmcal_cli.tables.measurement_set import Measurements
-from pkmcal_cli.units.measurands import Measurand
 
 _REST = {
     "temperature": ("T", 293.15, "20 degC"),
@@ -89,22 +87,14 @@ def with_sides(rows: Rows, model: Model) -> Rows:
 
 
 def _followed(model: Model, rows: Rows) -> Array:
-    """Readings (N, A) with those of force-controlled drives where a row has none, but for drives of stated sides."""
+    """Readings (N, A), predicted ones of force-controlled drives that lack some of them, and have no stated side."""
     stated = [not np.isnan(rows.columns.get(f"dir.{name}", np.nan)).any() for name in model.drive_names]
-    drives = np.nonzero(model.forced & ~np.array(stated, dtype=bool) & np.isnan(rows.readings).any(axis=0))[0]
+    drives = np.nonzero(forced(model) & ~np.array(stated, dtype=bool) & np.isnan(rows.readings).any(axis=0))[0]
     if not len(drives) or not len(rows):
         return rows.readings
-    seen = tuple(ObservedQuantity(Measurand.DRIVE, int(a)) for a in drives)
-    channels = tuple(
-        Channel(
-            name=model.drive_names[a], measurand=Measurand.DRIVE, index=int(a), component=0, sigma=np.nan, unit="1",
-            dimension="none",
-        )
-        for a in drives
-    )  # fmt: skip
-    bare = model.with_options(()).with_channels(channels, seen)
+    bare = reading_drives(model, drives)
     predicted, out = predict(bare, bare.nominal, rows, Request(compare=False)).values, rows.readings.copy()
-    out[:, drives] = np.where(np.isnan(out[:, drives]), predicted, out[:, drives])
+    out[:, drives] = predicted  # in all rows: their encoders may have another zero
     return out
 
 

@@ -85,23 +85,6 @@ class Model:
         """Travel per reading of each drive (A,), without sign, at nominal parameters."""
         return np.abs(self.topology.coefficients.constants[[a.gain_coefficient for a in self.actuators]])
 
-    @property
-    def forced(self) -> NDArray[np.bool_]:
-        """Drives (A,) whose force is commanded."""
-        return np.array([d.force_controlled for d in self.topology.drives], dtype=bool)
-
-    @property
-    def drive_sigma(self) -> Array:
-        """Standard uncertainty of the travel that drives are commanded (A,), m or rad; 0 of force-controlled drives,
-        whose readings are measured.
-        """
-        return np.where(self.forced, 0.0, np.nan_to_num([a.sigma for a in self.actuators]))
-
-    @property
-    def per_command(self) -> Array:
-        """Travel per reading of each drive (A,), as `gains`; 1 of force-controlled drives: their force is commanded."""
-        return np.where(self.forced, 1.0, self.gains)
-
     def measuring(self, measurand: Measurand) -> list[int]:
         """Channels that measure it."""
         return [k for k, c in enumerate(self.channels) if c.measurand is measurand]

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.model.commanded import forced
 from pkmcal_cli.model.effect_sites import PlacedEffect
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction.inputs import Reactions, SiteInputs
@@ -49,10 +50,10 @@ def side_sigma(model: Model, rows: Rows, sizes: Mapping[str, float]) -> Array | 
 
 def _moved(placed: PlacedEffect, model: Model, ahead: Rows, forces: Array, sizes: Mapping[str, float]) -> Array:
     """By how much an effect moves what drives that come from below are commanded (N, A): their travel, or force."""
-    out, forced = np.zeros(ahead.readings.shape), model.forced
+    out, by_force = np.zeros(ahead.readings.shape), forced(model)
     numbers = {n: sizes[p] for n, p in zip(placed.numbers, placed.parameters, strict=True)}
     session = ahead.columns.get(f"session.{placed.acts_in}", np.zeros(len(ahead))) if placed.acts_in else 1.0
-    for site in (s for s in placed.sites if forced[s.actuator] == (placed.effect.enters == "drive_force")):
+    for site in (s for s in placed.sites if by_force[s.actuator] == (placed.effect.enters == "drive_force")):
         reactions = Reactions((site.place,), forces[:, [site.actuator]], {}, None, None)
         moved = placed.effect.displacement(SiteInputs(site, model, ahead, placed, reactions), numbers)
         out[:, site.actuator] += moved[:, 0] * session

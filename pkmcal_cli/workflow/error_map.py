@@ -19,6 +19,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.loading.evidence import Evidence
 from pkmcal_cli.loading.load_machine import Start
 from pkmcal_cli.loading.poses import RowOrigin
+from pkmcal_cli.model.commanded import per_command
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_channels import tcp_model
 from pkmcal_cli.prediction import Request, Rows, WarmStart, predict
@@ -117,7 +118,7 @@ class ErrorMap:
         variance = variance + between_knots(model, self.values, rows, start)
         if moved is not None:
             assert prediction.by_drive is not None
-            variance += ((prediction.by_drive * (moved / model.per_command)[:, None, :]) ** 2).sum(axis=2)
+            variance += ((prediction.by_drive * (moved / per_command(model))[:, None, :]) ** 2).sum(axis=2)
         return np.asarray(variance)
 
     def _count(self, u: Array, places: Mapping[int, RowOrigin]) -> None:
