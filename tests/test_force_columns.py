@@ -63,7 +63,7 @@ RODS, STIFF, DRIVES = np.array([400.13, 399.91, 700.07]), 8500.0, 20e3  # mm, N/
 
 
 def held(q1: float, q2: float, force: float, rods: Array = RODS, stiff: float = STIFF) -> Array:
-    """Places x, y and travel of the third carriage (mm) where rods, drives and its force balance."""
+    """Places x, y and travel of the three carriages, the third first (mm), where rods, drives and its force balance."""
     half = 0.5 * (q2 - q1)
     x, y = q1 + half, 50 + np.sqrt(400**2 - half**2)
     near = np.array([x, y, x + np.sqrt(700**2 - (y - 50) ** 2), q1, q2])
@@ -77,7 +77,7 @@ def held(q1: float, q2: float, force: float, rods: Array = RODS, stiff: float = 
 
     found = root(forces, near, tol=1e-13).x
     assert np.abs(forces(found)).max() < 1e-5
-    return np.asarray(found[:3])
+    return np.asarray(found)
 
 
 def measured(folder: Path, share: float) -> tuple[Path, Path]:
@@ -86,7 +86,7 @@ def measured(folder: Path, share: float) -> tuple[Path, Path]:
     for x, y, f in zip(rng.uniform(300, 700, 40), rng.uniform(240, 400, 40), rng.uniform(-1500, 1500, 40), strict=True):
         half = np.sqrt(400**2 - (y - 50) ** 2)
         given = np.round([x - half, x + half, f], 4)
-        seen = held(given[0], given[1], share * given[2]) + rng.normal(0, [0.003, 0.003, 0.005])
+        seen = held(given[0], given[1], share * given[2])[:3] + rng.normal(0, [0.003, 0.003, 0.005])
         lines.append(",".join(f"{v:.7f}" for v in (*given, *seen)))
     file, table = folder / "m.yaml", folder / "t.csv"
     file.write_text(SLIDERS)
@@ -94,8 +94,15 @@ def measured(folder: Path, share: float) -> tuple[Path, Path]:
     return file, table
 
 
-@pytest.mark.parametrize("share", [-1.0, 0.001], ids=["opposite sign", "a unit"])
-def test_a_column_of_forces_that_is_not_what_acts_is_told(share: float, tmp_path: Path) -> None:
+def test_a_column_of_forces_of_the_opposite_sign_is_told(tmp_path: Path) -> None:
+    done = run("diagnose", *measured(tmp_path, -1.0), "--json")
+    assert (done.json["verdict"], done.json["effects"]) == ("measurement_fault", [])
+    (hint,) = done.json["mistakes"]
+    assert hint.startswith("`q3.force` looks reversed in sign: ")
+
+
+def test_forces_that_hardly_act_are_told(tmp_path: Path) -> None:
+    share = 0.001
     file, table = measured(tmp_path, share)
     done = run("diagnose", file, table, "--json")
     first = done.json["effects"][0]
@@ -103,6 +110,13 @@ def test_a_column_of_forces_that_is_not_what_acts_is_told(share: float, tmp_path
     assert (first["effect"], first["at"]) == ("force_scale", "q3")
     assert size["value"] == pytest.approx(share - 1, abs=4 * size["std"]) and size["std"] < 0.1
     assert "Check sign and unit of the column `q3.force`" in run("diagnose", file, table).err
+
+
+def test_the_share_of_forces_that_acts_is_identified(tmp_path: Path) -> None:
+    file, table = measured(tmp_path, 0.7)
+    file.write_text(SLIDERS + "effects: {force_scale@q3: {s: {identify: true}}}\n")
+    (s,) = (p for p in run("calibrate", file, table, "--json").json["parameters"] if p["name"] == "force_scale@q3.s")
+    assert s["value"] == pytest.approx(-0.3, abs=3 * s["std"]) and s["std"] < 0.07
 
 
 def test_forces_as_commanded_are_clean(tmp_path: Path) -> None:
