@@ -26,7 +26,7 @@ _SURE = 5.0  # standard uncertainties from which on a factor is not 1
 _HALF = 0.5  # of the rows: without an equilibrium
 _FAR = 0.01  # factor of a far smaller unit
 _NEAR = 0.3  # logarithm of the ratio of a factor to one that it is taken for
-_OWN = 3.0  # times: from there on, a factor that is no unit's is the column's own, as newtons per ampere
+_SCALE = 3.0  # times: from there on, a factor that is no unit's is the column's own, as newtons per ampere
 _ALIKE = 0.1  # logarithm of the ratio of factors that columns have in common
 _TRACE = 1e-9  # share of a column that parameters leave of it: less is rounding
 
@@ -89,11 +89,11 @@ def _look(names: Sequence[str]) -> str:
     return f"{quoted[0]} looks" if len(quoted) == 1 else f"{', '.join(quoted[:-1])} and {quoted[-1]} look"
 
 
-def _meant(columns: Sequence[_Column], found: Array) -> Array:
+def _meant(columns: Sequence[_Column], factors: Array) -> Array:
     """Factors (K,) that are meant: signs and those of units; of columns that are off alike the same."""
-    named = [_named(c.unit, f) for c, f in zip(columns, found.tolist(), strict=True)]
-    own = [f for f, c in zip(named, columns, strict=True) if abs(f) not in (1.0, *factors_of(c.unit))]
-    alike = {f: [g for g in own if g * f > 0 and abs(np.log(g / f)) < _ALIKE] for f in own}
+    named = [_named(c.unit, f) for c, f in zip(columns, factors.tolist(), strict=True)]
+    scales = [f for f, c in zip(named, columns, strict=True) if abs(f) not in (1.0, *factors_of(c.unit))]
+    alike = {f: [g for g in scales if g * f > 0 and abs(np.log(g / f)) < _ALIKE] for f in scales}
     return np.array([float(np.median(alike[f])) if f in alike else f for f in named])
 
 
@@ -103,7 +103,7 @@ def _named(unit: Unit, factor: float) -> float:
     known = [f for f in (1.0, *factors_of(unit)) if abs(np.log(max(size, 1e-300) / f)) < _NEAR]
     if known:
         return sign * min(known, key=lambda f: abs(np.log(size / f)))
-    return factor if max(size, 1.0 / max(size, 1e-300)) > _OWN else sign
+    return factor if max(size, 1.0 / max(size, 1e-300)) > _SCALE else sign
 
 
 def _rescaled(columns: Sequence[_Column], factors: Array, before: float, after: float) -> Iterator[Hint]:
@@ -117,8 +117,8 @@ def _rescaled(columns: Sequence[_Column], factors: Array, before: float, after: 
         size = abs(factor)
         words = [f"{times(float(f'{size:.3g}'))}{unit_words(unit, size)}"] if size != 1.0 else []
         words += ["reversed in sign"] if factor < 0 else []
-        own = size not in (1.0, *factors_of(unit))
-        remedy = f"; is it this force? Its `scale` is to be about {size:.2g} times what it is" if own else ""
+        of_scale = size not in (1.0, *factors_of(unit))
+        remedy = f"; is it this force? Its `scale` is to be about {size:.2g} times what it is" if of_scale else ""
         fall = f"{_fall(before, after)} when multiplied by {factor:.4g}"
         message = f"{_look(names)} {' and '.join(words)}: {fall}{remedy}"
         right = tuple(Right(n, n, factor) for n in names)
@@ -218,11 +218,11 @@ class _Left:
         """Factors (K,) by which columns are right: 1 unless they surely are others, signs and units as they are."""
         free = np.sqrt((self.slopes**2).sum(axis=0)) > _TRACE
         factors = np.ones(len(free))
-        for _ in range(len(free)):
-            found, std = self._solved(free)
-            off = free & (np.abs(found - 1.0) > _SURE * std)
+        while free.any():
+            solved, std = self._solved(free)
+            off = free & (np.abs(solved - 1.0) > _SURE * std)
             if (off == free).all():
-                return np.where(free, found, 1.0)
+                return np.where(free, solved, 1.0)
             free = off
         return factors
 
@@ -231,10 +231,10 @@ class _Left:
         slopes = self.slopes[:, free]
         solution = np.linalg.lstsq(slopes, -self.vector)[0]
         noise = max(self.size(self.vector + slopes @ solution), 1.0)
-        found, std = np.ones(len(free)), np.full(len(free), np.inf)
-        found[free] += solution
+        factors, std = np.ones(len(free)), np.full(len(free), np.inf)
+        factors[free] += solution
         std[free] = noise * np.sqrt(np.diag(np.linalg.pinv(slopes.T @ slopes)))
-        return found, std
+        return factors, std
 
 
 def _known(sample: Sample) -> Array:
