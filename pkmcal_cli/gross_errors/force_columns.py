@@ -23,7 +23,6 @@ from pkmcal_cli.units.unit_text import Unit, parse_unit
 _OFF = 3.0  # standard uncertainties: less is left of tables in which no column is wrong
 _LITTLE, _LESS = 2.0, 0.4  # an explanation that leaves so little needs to leave no less than this share
 _SURE = 5.0  # standard uncertainties from which on a factor is not 1
-_HALF = 0.5  # of the rows: without an equilibrium
 _FAR = 0.01  # factor of a far smaller unit
 _NEAR = 0.3  # logarithm of the ratio of a factor to one that it is taken for
 _SCALE = 3.0  # times: from there on, a factor that is no unit's is the column's own, as newtons per ampere
@@ -58,7 +57,7 @@ def explain_forces(sample: Sample) -> tuple[Hint, ...]:
     if left.count >= FEW + len(columns) and left.before <= _OFF:
         return ()
     commanded = tuple(c for c in columns if c.commanded)
-    if left.count < FEW + len(columns) or sample.evaluation.prediction.solved.mean() < _HALF:
+    if left.count < FEW + len(columns) or sample.mostly_lost:
         return _too_large(sample, commanded)
     factors = _meant(columns, left.factors())
     after, swapped = left.size(left.vector + left.slopes @ (factors - 1.0)), _swapped(columns, left)
