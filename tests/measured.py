@@ -10,6 +10,7 @@ from itertools import combinations
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.model.commanded import forced
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Prediction, Request, Rows, predict
 from pkmcal_cli.units.measurands import Measurand
@@ -199,12 +200,13 @@ def _joined(machine: Model, readings: Array) -> Rows:
 
 
 def _difference(machine: Model, start: Prediction, values: Array, readings: Array, step: float) -> Callable[..., Array]:
-    """Central differences with Richardson extrapolation: error step^4."""
+    """Central differences with Richardson extrapolation: error step^4; `pushed`: the drive that pushes by steps."""
 
-    def along(way_values: Array, way_readings: Array) -> Array:
+    def along(way_values: Array, way_readings: Array, pushed: str) -> Array:
         sides = []
         for h in (step, -step, step / 2, -step / 2):
             rows = _joined(machine, readings + h * way_readings)
+            rows = replace(rows, columns={f"push.{pushed}": np.full(len(rows), h)} if pushed else {})
             found = predict(machine, values + h * way_values, rows, start=start.start)
             assert found.solved.all()
             sides.append(found.values)
@@ -223,18 +225,22 @@ def jacobian_check(text: str, readings: Array, values: Array | None = None) -> J
     start = predict(machine, values, _joined(machine, readings), request)
     assert start.solved.all() and start.jacobian is not None and start.by_drive is not None
     by_drive = start.by_drive if start.by_partner is None else start.by_drive + start.by_partner
-    columns: list[tuple[str, Array, float, float, Array, Array]] = []
+    columns: list[tuple[str, Array, float, float, Array, Array, str]] = []
     none = np.zeros(len(machine.actuators))
     for k, p in enumerate(machine.parameters):
         soft = p.dimension in ELASTIC and p.nominal != 0
         step = 0.01 * abs(p.nominal) if soft else 0.05 * p.range
-        columns.append((p.name, start.jacobian[..., k], p.range, step, np.eye(len(values))[k], none))
+        columns.append((p.name, start.jacobian[..., k], p.range, step, np.eye(len(values))[k], none, ""))
     for a, drive in enumerate(machine.actuators):
         step = 1e-5 if drive.dimension == "length" else 1e-4
-        columns.append((drive.name, by_drive[..., a], 1e-3, step, 0 * values, np.eye(len(none))[a]))
+        by_reading = 0 * by_drive[..., a] if forced(machine)[a] else by_drive[..., a]
+        columns.append((drive.name, by_reading, 1e-3, step, 0 * values, np.eye(len(none))[a], ""))
+    for a in np.nonzero(forced(machine))[0]:
+        name = machine.drive_names[a]
+        columns.append((f"force of {name}", by_drive[..., a], 1e-3, 0.1, 0 * values, none, name))
     worst, null, size = (0.0, ""), [], 0.0
-    for name, exact, unit, step, way_values, way_readings in columns:
-        found = _difference(machine, start, values, readings, step)(way_values, way_readings)
+    for name, exact, unit, step, *ways in columns:
+        found = _difference(machine, start, values, readings, step)(*ways)
         largest = float(np.abs(exact).max())
         if largest * unit < 1e-15:
             null.append(name)

@@ -218,7 +218,8 @@ def test_force_controlled_drives_are_no_set_values(tmp_path: Path) -> None:
     file = tmp_path / "plan.csv"
     done = clean(run("plan", HANGPRINTER, HANGPRINTER_DATA, "--aim", "buildup@all", "--points", "3", "-o", file))
     assert done.code == 0
-    assert "dir.A" in (head := file.read_text(encoding="utf-8").splitlines()[0]) and "dir.D" not in head
+    head = file.read_text(encoding="utf-8").splitlines()[0]
+    assert "dir.A" in head and "dir.D" in head and "approach.D" not in head
     assert "approach.A" in head, "three lines are held for three freedoms: each can go by itself"
     assert clean(run("simulate", HANGPRINTER, file)).code == 0
 

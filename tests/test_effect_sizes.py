@@ -20,6 +20,7 @@ from tests.truth.shop_plans import PLANS
 
 ANGLE = np.radians([0.0, 30.0, 115.0, -70.0])
 RISE = np.array([0.0, 3.0, -2.0, 8.0])  # of the temperature, K
+SIDE = np.array([1.0, -1.0, 1.0, 1.0])
 SPINDLE = np.radians([0.0, 90.0, 200.0, 300.0])
 CRANK = """
 units: {length: mm, angle: deg, force: N}
@@ -103,6 +104,7 @@ def test_a_gear_error_repeats_with_the_joint_not_with_its_motor(drive: str) -> N
 ON_THE_WIRE = {
     "preload@t: {f: 25 N}": (25.0, 0.0),
     "force_scale@t: {s: 0.5}": (20.0, 0.0),
+    "friction@t: {f: 15 N}": (-15.0 * SIDE, 0.0),
     "self_weight@all: {w: 0.5}": (-0.5 * 3 * 9.81, 0.0),
     "thermal_strut@wire: {a: 11 um/(m*K)}": (0.0, 11e-6 * 0.5 * RISE),
 }
@@ -113,7 +115,7 @@ ON_THE_WIRE = {
 def test_effects_on_a_hanging_weight(entry: str) -> None:
     """The wire of length l is longer by l F / EA, towards -y for weight, +y where the drive pushes up."""
     places, strain = [], (3 * 9.81 - 40) / 20e3
-    rows = Rows(np.full((4, 1), np.nan), np.full((4, 1), np.nan), {"T": 293.15 + RISE})
+    rows = Rows(np.full((4, 1), np.nan), np.full((4, 1), np.nan), {"T": 293.15 + RISE, "dir.t": SIDE})
     for text in (WEIGHT, WEIGHT + f"effects:\n  {entry}\n"):
         built = model(text)
         found = predict(built, built.nominal, rows)

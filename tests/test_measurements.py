@@ -128,7 +128,7 @@ def test_foreign_columns_forces_and_two_sensors(
     np.testing.assert_allclose(found.forces[:, 2], [7, np.nan])
     assert np.isnan(found.forces[:, :2]).all()
     assert np.isnan(found.targets).all()  # two sensors: neither is the target
-    assert "s1.csv: no force of C in 1 of 2 rows: the force of the machine file is used" in found.notes
+    assert "s1.csv: no force of C in 1 of 2 rows: the force of the machine file is used, 0.02 kN" in found.notes
 
 
 def test_a_force_without_a_constant_is_needed(

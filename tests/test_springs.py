@@ -36,8 +36,10 @@ def described(hinge: str = "", length: str = "length: 120,", spring: str = ", sp
     return MACHINE.replace("HINGE", hinge).replace("LENGTH", length).replace("SPRING", spring)
 
 
-def balanced(reading: float, torsion: float, stiffness: float, length: float) -> float:
-    """Angle (rad) of the arm at a reading (deg), with a torsion spring and one between points of a length (m)."""
+def balanced(reading: float, torsion: float, stiffness: float, length: float, rest: float = DRAWN) -> float:
+    """Angle (rad) of the arm at a reading (deg), with a torsion spring and one between points of a length (m); rest: of
+    the torsion spring.
+    """
     commanded = np.radians(reading)
 
     def moment(angle: float) -> float:
@@ -46,7 +48,7 @@ def balanced(reading: float, torsion: float, stiffness: float, length: float) ->
         long = float(np.hypot(*chord))
         pull = stiffness * (long - length) * chord / long @ (LEVER * np.array([-along[1], along[0]]))
         weight = WEIGHT * CENTRE * along[0]
-        return float(DRIVE * (angle - commanded) + torsion * (angle - DRAWN) + pull + weight)
+        return float(DRIVE * (angle - commanded) + torsion * (angle - rest) + pull + weight)
 
     return float(brentq(moment, commanded - 0.3, commanded + 0.3, xtol=1e-14))
 
@@ -75,6 +77,20 @@ def test_a_driven_arm_balances_with_its_springs(name: str, tmp_path: Path) -> No
     for row, reading in zip(rows, READINGS, strict=True):
         angle = balanced(reading, torsion, stiffness, length)
         assert row[2:4] == pytest.approx([1e3 * ARM * np.cos(angle), 1e3 * ARM * np.sin(angle)], abs=1e-8)
+
+
+def test_a_torsion_spring_that_is_wound_as_drawn_is_a_moment_too(tmp_path: Path) -> None:
+    """At rest 15 deg above the drawing: it turns the arm there by stiffness times this angle, whatever both are."""
+    file, table = tmp_path / "m.yaml", tmp_path / "t.csv"
+    own = "parameters: {kt: {nominal: 40 Nm/rad, range: 4 Nm/rad}, rest: {nominal: 15 deg, range: 1 deg}, "
+    text = described(", stiffness: {rz: kt}").replace("parameters: {", own)
+    file.write_text(text + "loads: {wound: {at: arm, moment: kt*rest}}\n")
+    table.write_text("q [deg]\n" + "\n".join(map(str, READINGS)) + "\n")
+    lines = clean(run("simulate", file, table, "-q")).out.splitlines()[-len(READINGS) :]
+    for line, reading in zip(lines, READINGS, strict=True):
+        angle = balanced(reading, TORSION, 1200.0, 0.12, DRAWN + np.radians(15))
+        at = [float(cell) for cell in line.split(",")[2:4]]
+        assert at == pytest.approx([1e3 * ARM * np.cos(angle), 1e3 * ARM * np.sin(angle)], abs=1e-8)
 
 
 def test_the_stiffness_of_a_balancing_spring_is_identified(tmp_path: Path) -> None:

@@ -55,8 +55,7 @@ def poses_of(problem: Problem, values: Array, readings: Array) -> MeasuredPoses:
 
 def uncertain_drives(problem: Problem) -> NDArray[np.bool_]:
     """Drive readings (N, A) that place the mechanism and have errors."""
-    forced = np.array([d.force_controlled for d in problem.model.topology.drives], dtype=bool)
-    return np.asarray((problem.drive_sigma > 0) & ~forced)
+    return np.asarray(problem.drive_sigma > 0)
 
 
 def errors_at_poses(problem: Problem, values: Array, readings: Array) -> Array:

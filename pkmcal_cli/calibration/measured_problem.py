@@ -12,7 +12,8 @@ from pkmcal_cli.calibration.copies import copies
 from pkmcal_cli.calibration.frame_start import with_frames
 from pkmcal_cli.calibration.problem import Problem, stated_sigma, usable
 from pkmcal_cli.calibration.unknown_sides import with_unknown_sides
-from pkmcal_cli.loading.covariates import require_filled, with_covariates, with_directions
+from pkmcal_cli.loading.covariates import require_filled, with_covariates, with_sides
+from pkmcal_cli.model.commanded import drive_sigma, forced
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.tables.measurement_set import Measurements
@@ -26,11 +27,11 @@ def problem_of(model: Model, measurements: Measurements) -> Problem:
     """
     model = model.for_sessions(measurements.named_sessions)
     require_filled(model, measurements)
-    drives = np.array([a.sigma for a in model.actuators]).reshape(1, -1)
-    drive_sigma = np.where(np.isnan(measurements.actuator_sigma), drives, measurements.actuator_sigma)
+    unstated = forced(model) | np.isnan(measurements.actuator_sigma)
+    of_drives = np.where(unstated, drive_sigma(model), measurements.actuator_sigma)
     readings, stated = (_by_channel(model, measurements, x) for x in (measurements.readings, measurements.sigma))
     rows = Rows(np.asarray(measurements.actuators, dtype=float), np.asarray(measurements.forces, dtype=float))
-    rows = with_directions(with_covariates(rows, measurements), model.drive_names)
+    rows = with_sides(with_covariates(rows, measurements), model)
     rows = replace(rows, partner=measurements.partners)
     sigma = stated_sigma(model, readings)
     gains = [model.gains[c.index] if c.measurand is Measurand.DRIVE else 1.0 for c in model.channels]
@@ -42,7 +43,7 @@ def problem_of(model: Model, measurements: Measurements) -> Problem:
         rows=rows,
         readings=readings,
         sigma=lean(sigma),
-        drive_sigma=lean(np.nan_to_num(drive_sigma)),
+        drive_sigma=lean(of_drives),
         measured=known,
     )
     groups = tuple(copies(problem))

@@ -16,6 +16,7 @@ from pkmcal_cli.calibration.identifiability import UNSEEN
 from pkmcal_cli.calibration.nominal_poses import NominalPoses
 from pkmcal_cli.calibration.prior import Prior
 from pkmcal_cli.calibration.whitening import Clusters
+from pkmcal_cli.model.commanded import drive_sigma, forced, per_command
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.parts import Channel
 from pkmcal_cli.prediction import Method, Rows, bounds_of, predict
@@ -30,7 +31,8 @@ class Problem:
     besides; `unseen`: singular value below which a direction is not seen; `weight` (N, C): of the whitened readings,
     by a robust fit, None for 1; `copies`: groups of rows that are the same to the last digit, of which the first alone
     is measured; `left_out`: channels of what was measured once that are not used; `method` of all predictions;
-    `side_sigma` (N, A): of the drives' travel where the side of approach is unknown, None for 0; `poses`: nominal ones,
+    `side_sigma` (N, A): of the drives' travel, or of commanded forces, where the side of approach is unknown, None for
+    0; `poses`: nominal ones,
     those that are known of the same rows, else found where they are asked for; `datum`: what is held, and moves along.
     """
 
@@ -93,9 +95,9 @@ class Problem:
 
     @property
     def reading_sigma(self) -> Array:
-        """Standard uncertainty of the drive readings (N, A) from that of their travel."""
+        """Standard uncertainty of what drives are commanded (N, A): of their readings, or of forces."""
         both = self.drive_sigma if self.side_sigma is None else np.hypot(self.drive_sigma, self.side_sigma)
-        return np.asarray(both / self.model.gains)
+        return np.asarray(both / per_command(self.model))
 
     @property
     def once(self) -> list[int]:
@@ -151,6 +153,13 @@ class Problem:
     def take(self, rows: NDArray[np.intp]) -> Problem:
         """Some rows; what joins them to others is lost, what was measured once stays."""
         return usable(self.part(rows))
+
+    def moved(self, errors: Array) -> Rows:
+        """Its rows with errors (N, A) of what drives are commanded: of readings, or forces of force-controlled ones."""
+        by_force, names = forced(self.model), self.model.drive_names
+        pushed = {f"push.{names[a]}": errors[:, a] for a in np.nonzero(by_force)[0] if errors[:, a].any()}
+        moved = self.rows.moved(np.where(by_force, 0.0, errors))
+        return replace(moved, columns={**moved.columns, **pushed}) if pushed else moved
 
     def part(self, rows: slice | NDArray[np.intp]) -> Problem:
         """Some rows as they are: what was measured once is in one of the parts only."""
@@ -215,7 +224,7 @@ def design_problem(model: Model, rows: Rows, measured: NDArray[np.bool_] | None 
     grows = any(any(_growth(c)) for c in model.channels)
     far = predict(model, model.nominal, rows).values if grows else None
     sigma = stated_sigma(model, np.full(shape, np.nan) if far is None else far)
-    drives = np.tile(np.nan_to_num([a.sigma for a in model.actuators]), (len(rows), 1))
+    drives = np.tile(drive_sigma(model), (len(rows), 1))
     on = ~np.isnan(sigma) if measured is None else measured & ~np.isnan(sigma)
     return usable(
         Problem(model=model, rows=rows, readings=np.full(shape, np.nan), sigma=sigma, drive_sigma=drives, measured=on)

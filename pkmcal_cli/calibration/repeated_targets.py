@@ -21,6 +21,7 @@ from pkmcal_cli.calibration.positioning_accuracy import (
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation
 from pkmcal_cli.calibration.same_poses import poses_alike
+from pkmcal_cli.model.commanded import forced
 from pkmcal_cli.units.measurands import Measurand
 
 _LINE = 1e-3  # share of the workspace by which targets of one line may lie beside it
@@ -90,6 +91,7 @@ def _sides(problem: Problem, commanded: Evaluation, channels: list[int]) -> NDAr
     if by_drive is None or not all(n in columns for n in names):
         return np.zeros((len(problem), len(channels)), dtype=np.intp)
     last = np.column_stack([np.nan_to_num(columns[n]) for n in names])
+    last = np.where(forced(problem.model), 0.0, last)  # they follow the others
     moved = np.einsum("nca,na->nc", np.nan_to_num(by_drive)[:, channels], last)
     return np.asarray(np.sign(moved), dtype=np.intp)
 

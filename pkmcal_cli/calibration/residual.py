@@ -63,7 +63,7 @@ def evaluate(
     `predict`.
     """
     request = Request(problem.method, parameters=parameters, by_drive=parameters is not None, compare=compare)
-    moved = problem.rows if shift is None or not shift.any() else problem.rows.moved(shift)
+    moved = problem.rows if shift is None or not shift.any() else problem.moved(shift)
     every = bool(problem.measured.all())
     rows = replace(moved, measured=problem.readings if every else np.where(problem.measured, problem.readings, np.nan))
     prediction = predict_with_derivatives(problem.model, values, rows, request, start, receive)

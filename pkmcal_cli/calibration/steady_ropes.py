@@ -54,7 +54,7 @@ def near_kinks(problem: Problem, fit: Fit) -> Mapping[int, str]:
     if not model.exact.ropes:
         return {}
     request = Request(parameters=fit.selected, by_drive=True, ropes=True)
-    prediction = predict(model, fit.values, problem.rows.moved(fit.shift), request, fit.last.start)
+    prediction = predict(model, fit.values, problem.moved(fit.shift), request, fit.last.start)
     assert prediction.ropes is not None
     slopes = prediction.ropes.jacobian
     variance = np.einsum("nrp,pq,nrq->nr", slopes, fit.directions.determined_covariance(seen=True), slopes)

@@ -197,7 +197,7 @@ def _measured(problem: Problem, true: Array, normal: Array) -> Problem:
     """The problem with readings at true parameters (P,), and noise from standard normal numbers (N, at least C + A)."""
     channels, drives = problem.sigma.shape[1], problem.drive_sigma.shape[1]
     moved = np.nan_to_num(problem.reading_sigma) * normal[:, channels : channels + drives]
-    prediction = predict(problem.model, true, problem.rows.moved(moved))
+    prediction = predict(problem.model, true, problem.moved(moved))
     noise = (np.linalg.cholesky(problem.noise) @ normal[:, :channels, None])[..., 0]
     readings = prediction.values + np.where(problem.measured, noise, 0.0)
     return usable(replace(problem, readings=readings, measured=problem.measured & np.isfinite(readings)))

@@ -42,7 +42,7 @@ def with_tightened_ropes(problem: Problem, fit: Fit) -> Fit:
 def _tightening(problem: Problem, fit: Fit) -> list[Array]:
     """Steps (p,) of the selected parameters, unseen by the data, that make a rope taut that is slack in all rows."""
     request = Request(parameters=fit.selected, ropes=True)
-    prediction = predict(problem.model, fit.values, problem.rows.moved(fit.shift), request, fit.last.start)
+    prediction = predict(problem.model, fit.values, problem.moved(fit.shift), request, fit.last.start)
     assert prediction.ropes is not None
     rows = prediction.solved & problem.measured.any(axis=1)
     long, slopes = prediction.ropes.values[rows], prediction.ropes.jacobian[rows] * fit.directions.ranges

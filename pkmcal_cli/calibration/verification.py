@@ -22,6 +22,7 @@ from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.point_errors import Judged, K, PointErrors, length_errors, orientation_errors, point_errors
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate, linearise, lost_rows, reasons
+from pkmcal_cli.model.commanded import per_command
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction.unknown_shapes import between_knots
 from pkmcal_cli.units.measurands import Measurand
@@ -223,7 +224,7 @@ def _of_sides(problem: Problem, evaluation: Evaluation) -> Array:
     assert by_drive is not None
     if problem.side_sigma is None:
         return np.zeros(problem.readings.shape)
-    drives = np.nan_to_num(by_drive) * (problem.side_sigma / problem.model.gains)[:, None, :]
+    drives = np.nan_to_num(by_drive) * (problem.side_sigma / per_command(problem.model))[:, None, :]
     return np.where(problem.measured, np.sqrt((drives**2).sum(axis=2)), 0.0)
 
 

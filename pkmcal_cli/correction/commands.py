@@ -17,7 +17,7 @@ from pkmcal_cli.correction.internal_force import InternalForces
 from pkmcal_cli.correction.redundancy import Choice
 from pkmcal_cli.correction.set_values import Aim, SetValues, set_values
 from pkmcal_cli.correction.strained_pose import LoadedTool, StrainedPose
-from pkmcal_cli.loading.covariates import with_directions
+from pkmcal_cli.loading.covariates import with_sides
 from pkmcal_cli.mechanism.topology import Index
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_motion import DIRECTIONS
@@ -129,7 +129,7 @@ def _without_side(model: Model, rows: Rows) -> NDArray[np.bool_]:
 
 
 def _directed(model: Model, rows: Rows) -> Rows:
-    return with_directions(rows, model.drive_names)
+    return with_sides(rows, model)
 
 
 def _differ(one: Rows, other: Rows) -> NDArray[np.bool_]:

@@ -16,7 +16,7 @@ from pkmcal_cli.correction.commanded_machine import CommandedMachine
 from pkmcal_cli.correction.commands import Correction, depends_on_sides
 from pkmcal_cli.correction.redundancy import Choice
 from pkmcal_cli.correction.strained_pose import LoadedTool, StrainedPose, held_drives
-from pkmcal_cli.loading.covariates import with_directions
+from pkmcal_cli.loading.covariates import with_sides
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.mechanism.topology import Index
 from pkmcal_cli.model.model import Model
@@ -115,7 +115,7 @@ class ExportCase:
     def directed(self, set_values: Array) -> Rows:
         """Rows (n,) at set values (n, A), in the circumstances of the targets and with sides by their order."""
         rows = replace(self.circumstances, readings=set_values)
-        return with_directions(rows, self.model.drive_names)
+        return with_sides(rows, self.model)
 
     @cached_property
     def weights(self) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array, small_motions
 from pkmcal_cli.correction.set_values import Aim
 from pkmcal_cli.correction.strained_pose import LoadedTool, StrainedPose
+from pkmcal_cli.model.commanded import per_command
 from pkmcal_cli.prediction import Rows, WarmStart
 from pkmcal_cli.prediction.unknown_sides import side_sigma
 
@@ -91,11 +92,11 @@ def _by_unknown_sides(
 ) -> tuple[Array, Array] | tuple[()]:
     """Variances of the tool (N, h) and of forces (N, A) in rows that come from no stated side; none without such."""
     sizes = {name: abs(float(value)) for name, value in zip(tool.machine.names, values, strict=True)}
-    travel = side_sigma(tool.machine, rows, sizes)
-    if travel is None:
+    moved = side_sigma(tool.machine, rows, sizes)
+    if moved is None:
         return ()
     by = tool.at(values, rows, aim.targets, "readings", start)
-    variance = (travel / tool.machine.gains)[:, None] ** 2
+    variance = (moved / per_command(tool.machine))[:, None] ** 2
     return (by.by_tool**2 * variance).sum(axis=2), (by.by_force**2 * variance).sum(axis=2)
 
 

@@ -120,7 +120,7 @@ def _size(effect: Visibility | None) -> float:
 
 def measured(problem: Problem, values: Array, rng: np.random.Generator) -> Problem | None:
     """A campaign of a plan at true parameters (P,), with noise; None where half of its rows cannot be predicted."""
-    driven = problem.rows.moved(np.nan_to_num(problem.reading_sigma) * rng.normal(size=problem.rows.readings.shape))
+    driven = problem.moved(np.nan_to_num(problem.reading_sigma) * rng.normal(size=problem.rows.readings.shape))
     prediction = predict(problem.model, values, driven, Request())
     if 2 * prediction.solved.sum() < len(problem):
         return None

@@ -96,6 +96,8 @@ class Inputs(Protocol):
     @property
     def direction(self) -> Array: ...  # of the last motion of the drive, -1, 0, 1
     @property
+    def motion(self) -> Array: ...  # the same along its travel, against which readings may count
+    @property
     def temperature_rise(self) -> Array: ...  # temperature above `reference`, K
     def lagged(self, tau: Any) -> Array: ...  # the same behind a first-order lag of tau, s
     @property

@@ -1,4 +1,4 @@
-"""Errors that depend on the direction of motion or of force: backlash, wind-up, clearance."""
+"""Errors that depend on the direction of motion or of force: backlash, wind-up, friction, clearance."""
 
 from __future__ import annotations
 
@@ -92,6 +92,31 @@ WINDUP = Effect(
     cause="The drive train of {at} winds up against friction that grows with the load.",
     result="The reversal error of {at} grows with the force that it carries.",
     action="Check lubrication and alignment of {at}; measure with another payload (wind-up changes, play does not).",
+)
+FRICTION = Effect(
+    keyword="friction",
+    title="friction of a force-controlled drive",
+    symbol="",
+    source="Coulomb friction of motor, gear and guide, which a commanded force or motor current does not know of",
+    enters="drive_force",
+    parameters=(
+        EffectParameter(
+            name="f",
+            unit="N",
+            range=100,
+            text="part of the commanded force that friction takes, against the last motion",
+            rotary="N*m",
+        ),
+    ),
+    formula=lambda at, f: -f * at.motion,
+    needs=("direction",),
+    negative="{at} is helped along its last motion, where friction is against it. The control compensates for more "
+    "friction than there is, or the directions of approach are stated the other way round.",
+    cause="Friction of {at} takes {size} of the commanded force, against its last motion.",
+    result="The machine deforms differently where {at} came from the other side, by its compliance times twice this "
+    "force.",
+    action="Measure the force of {at} beyond motor and gear, or its motor current in both directions; approach every "
+    "pose from the same side.",
 )
 CLEARANCE = Effect(
     keyword="clearance",

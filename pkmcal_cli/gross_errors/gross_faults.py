@@ -21,6 +21,7 @@ from pkmcal_cli.gross_errors.change_row import change_row
 from pkmcal_cli.gross_errors.column_faults import explain_columns
 from pkmcal_cli.gross_errors.drive_columns import explain_by_prediction
 from pkmcal_cli.gross_errors.drive_zeros import explain_zeros
+from pkmcal_cli.gross_errors.force_columns import explain_forces
 from pkmcal_cli.gross_errors.mirror import brought_back, explain_frame
 from pkmcal_cli.gross_errors.other_place import explain_place
 from pkmcal_cli.gross_errors.other_reflector import explain_reflectors
@@ -28,6 +29,7 @@ from pkmcal_cli.gross_errors.permuted import permuted_rows
 from pkmcal_cli.gross_errors.plausibility import EXPLAINED, Hint, misfit
 from pkmcal_cli.gross_errors.reason import Reason
 from pkmcal_cli.gross_errors.repeated import repeated_readings
+from pkmcal_cli.gross_errors.row_names import RowNames
 from pkmcal_cli.gross_errors.sample import Sample
 from pkmcal_cli.gross_errors.shifted_rows import shifted_rows
 from pkmcal_cli.prediction import WarmStart
@@ -93,7 +95,7 @@ class _Table:
     def take(self, rows: IntArray) -> _Table:
         """Some rows (n,)."""
         states = None if self.states is None else self.states.take(rows)
-        row_origin = _RowNames(self.row_origin, rows)
+        row_origin = RowNames(self.row_origin, rows)
         problem, sessions = self.problem.take(rows), self.sessions[rows]
         return replace(self, problem=problem, sessions=sessions, row_origin=row_origin, states=states, known=None)
 
@@ -115,25 +117,19 @@ def _from_a_row(table: _Table) -> tuple[Hint, ...]:
     )
 
 
-@dataclass(frozen=True)
-class _RowNames:
-    """Words for a row of a part of the table."""
-
-    row_origin: Callable[[int], str]
-    rows: IntArray
-
-    def __call__(self, row: int) -> str:
-        return self.row_origin(int(self.rows[row]))
-
-
 def _suspected(table: _Table) -> tuple[Hint, ...]:
     """Suspicions by all rows of a table."""
-    sample, row_origin = table.sample, table.row_origin
-    steady = _steady(sample)
-    if not sample.gross:
-        return (*steady, *repeated_readings(sample, row_origin))
-    chosen = () if sample.few_rows_off else _chosen([r for r in _reasons(table) if r.hints])
-    return (*(chosen or permuted_rows(sample, row_origin) or repeated_readings(sample, row_origin)), *steady)
+    sample, row_origin, forces = table.sample, table.row_origin, explain_forces(table.sample)
+    if any(h.before == np.inf for h in forces):
+        return forces  # no row says anything else
+    looked_at = sample.gross and not sample.few_rows_off
+    chosen = _chosen([r for r in _reasons(table) if r.hints]) if looked_at else ()
+    if forces:  # these have seen all columns of forces together
+        read = {sample.part.model.channels[k].name for k in sample.part.model.measuring(Measurand.FORCE)}
+        chosen = tuple(h for h in chosen if not read & set(h.names))
+    elif sample.gross and not chosen:
+        chosen = permuted_rows(sample, row_origin)
+    return (*(chosen or repeated_readings(sample, row_origin)), *_steady(sample), *forces)
 
 
 def _reasons(table: _Table) -> list[Reason]:
@@ -193,9 +189,10 @@ def _channels(sample: Sample, rotated: bool) -> Reason:
 
 
 def _steady(sample: Sample) -> tuple[Hint, ...]:
-    """Signs and units of channels that hardly vary but are large."""
+    """Signs and units of channels that hardly vary but are large; forces are looked at by themselves."""
     names, units = _named(sample)
     alone = np.where(sample.informative, np.nan, sample.readings)
+    alone[:, sample.part.model.measuring(Measurand.FORCE)] = np.nan
     alone[:, sample.of_unknown_frames] = np.nan
     return explain_columns(alone, sample.predicted, names, units, sample.prior_rms, steady=True).hints
 

@@ -13,6 +13,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.gross_errors.plausibility import GROSS, rms
 from pkmcal_cli.gross_errors.sample import Sample
+from pkmcal_cli.model.commanded import forced
 
 _RIVAL = 4.0  # times the squares that the constant of the right drive leaves: what that of any other leaves
 _STEPS = 4
@@ -62,7 +63,7 @@ def nominal_misfit(sample: Sample) -> NominalMisfit:
 
 def _constant(misfit: NominalMisfit) -> tuple[int, float] | None:
     """The constant of one drive that leaves what ranges and noise explain; None where none does, or several do."""
-    drives = range(len(misfit.sample.part.model.actuators))
+    drives = np.nonzero(~forced(misfit.sample.part.model))[0].tolist()
     tried = [(drive, *_best_constant(misfit, drive)) for drive in drives]
     tried.sort(key=lambda constant: _cost(misfit.sample, constant[2]))
     if not tried or replace(misfit, residual=tried[0][2]).far.any():

@@ -12,8 +12,8 @@ from pkmcal_cli.gross_errors.plausibility import Hint, MovedReadings, Right
 from pkmcal_cli.gross_errors.row_shift import apply_shifts
 from pkmcal_cli.tables.measurement_set import Measurements
 
-_ARRAYS = (("actuators", "actuator_sigma", "actuator_names"), ("readings", "sigma", "channels"))
-"""Arrays whose columns are drives or channels, their standard uncertainties, and the names of the columns."""
+_ARRAYS = (("actuators", "actuator_sigma", "actuator_names"), ("readings", "sigma", "channels"), ("forces", "", ""))
+"""Arrays whose columns are drives, channels or forces, their standard uncertainties, and the names of the columns."""
 
 
 def put_right(measured: Measurements, hints: Sequence[Hint]) -> Measurements | None:
@@ -30,14 +30,15 @@ def put_right(measured: Measurements, hints: Sequence[Hint]) -> Measurements | N
 def _columns_right(measured: Measurements, columns: Sequence[Right]) -> Measurements:
     """With each column as it is right."""
     changed: dict[str, Any] = {}
+    forces = tuple(f"{name}.force" for name in measured.actuator_names)
     for values, sigmas, named in _ARRAYS:
-        names = getattr(measured, named)
+        names = getattr(measured, named) if named else forces
         here = [c for c in columns if c.name in names and c.source in names]
         if not here:
             continue
         to, source = ([names.index(n) for n in each] for each in zip(*((c.name, c.source) for c in here), strict=True))
         factor, shift = np.array([c.factor for c in here]), np.array([c.shift for c in here])
-        for name, scale, more in ((values, factor, shift), (sigmas, np.abs(factor), 0.0)):
+        for name, scale, more in ((values, factor, shift), *([(sigmas, np.abs(factor), 0.0)] if sigmas else [])):
             array = getattr(measured, name)
             changed[name] = np.array(array)
             changed[name][:, to] = array[:, source] * scale + more

@@ -12,9 +12,10 @@ from pkmcal_cli.base.errors import BadInput, Fault, Location
 from pkmcal_cli.base.lean import lean
 from pkmcal_cli.base.plural import count, listed
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.model.commanded import forced, reading_drives
 from pkmcal_cli.model.effect_sites import PlacedEffect
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.prediction import Rows
+from pkmcal_cli.prediction import Request, Rows, predict
 from pkmcal_cli.tables.measurement_set import Measurements
 
 _REST = {
@@ -78,6 +79,25 @@ def with_directions(rows: Rows, names: Sequence[str]) -> Rows:
     return replace(rows, columns=columns)
 
 
+def with_sides(rows: Rows, model: Model) -> Rows:
+    """The same; drives that hold no position come from where the nominal machine takes them, where a row does not say.
+    """
+    there = replace(rows, readings=_followed(model, rows))
+    return replace(with_directions(there, model.drive_names), readings=rows.readings)
+
+
+def _followed(model: Model, rows: Rows) -> Array:
+    """Readings (N, A), predicted ones of force-controlled drives that lack some of them, and have no stated side."""
+    stated = [not np.isnan(rows.columns.get(f"dir.{name}", np.nan)).any() for name in model.drive_names]
+    drives = np.nonzero(forced(model) & ~np.array(stated, dtype=bool) & np.isnan(rows.readings).any(axis=0))[0]
+    if not len(drives) or not len(rows):
+        return rows.readings
+    bare = reading_drives(model, drives)
+    predicted, out = predict(bare, bare.nominal, rows, Request(compare=False)).values, rows.readings.copy()
+    out[:, drives] = predicted  # in all rows: their encoders may have another zero
+    return out
+
+
 def _measured_order(rows: Rows) -> NDArray[np.intp]:
     """Rows (N,) as they were measured, by session; of one time as they stand."""
     time = rows.columns.get("time")
@@ -95,7 +115,7 @@ def at_rest(model: Model, rows: Rows) -> Rows:
     columns = {name: np.full(len(rows), value) for name, value, _ in _resting(model).values()}
     if lagging(model):
         columns["time"] = np.zeros(len(rows))
-    named = with_directions(rows, model.drive_names)
+    named = with_sides(rows, model)
     return replace(rows, columns={**named.columns, **columns})
 
 

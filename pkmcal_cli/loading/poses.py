@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.errors import MAX_FAULTS, BadInput, Fault, Location
-from pkmcal_cli.loading.covariates import at_rest, with_directions
+from pkmcal_cli.loading.covariates import at_rest, with_sides
 from pkmcal_cli.loading.pose_channels import together
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows, joined_rows
@@ -125,7 +125,7 @@ def joined_poses(model: Model, blocks: list[Poses]) -> Poses:
     stated = [rows.columns.get(f"dir.{name}", np.full(len(rows), np.nan)) for name in names]
     sides = np.stack(stated, axis=1) if any(f"dir.{name}" in rows.columns for name in names) else None
     return Poses(
-        rows=with_directions(rows, names), reachable=np.concatenate([b.reachable for b in blocks]),
+        rows=with_sides(rows, model), reachable=np.concatenate([b.reachable for b in blocks]),
         row_origin=row_origin, measured=together([b.measured for b in blocks]),
         touched=together([b.touched for b in blocks]), sides=sides, targets=together([b.targets for b in blocks]),
     )  # fmt: skip

@@ -151,7 +151,7 @@ class _Ordinary(AtSite):
     rows: int = 1
     travel = normalised_travel = centred_travel = reading = pull = commanded_force = np.array([0.7])
     time = normalised_time = temperature_rise = payload = spindle = np.array([0.7])
-    direction = np.array([1.0])
+    direction = motion = np.array([1.0])
 
     @property
     def chord(self) -> Array:

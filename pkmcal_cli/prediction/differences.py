@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.model.commanded import forced
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction.inputs import bounds_of
 from pkmcal_cli.prediction.pipeline import Receiver, predict
@@ -18,6 +19,7 @@ from pkmcal_cli.prediction.rows import Prediction, Request, Rows, WarmStart
 
 _SHARE = 1e-3  # of a parameter's range
 _TRAVEL = 1e-7  # of the machine's size, or rad: step of a drive
+_FORCE = 1.0  # N or N m
 
 
 def predict_with_derivatives(
@@ -47,12 +49,20 @@ def predict_with_derivatives(
         if rows.partner is not None and (rows.partner >= 0).any():
             raise ValueError(f"method {request.method} has no derivatives across rows")
         by_drive = np.zeros((*here.values.shape, rows.readings.shape[1]))
-        for a, step in enumerate(_TRAVEL * np.where(_lengths(model), model.length, 1.0) / model.gains):
-            shift = np.zeros_like(rows.readings)
-            shift[:, a] = step
-            above, below = (predict(model, values, rows.moved(s), bare).values for s in (shift, -shift))
+        steps = _TRAVEL * np.where(_lengths(model), model.length, 1.0) / model.gains
+        for a, step in enumerate(np.where(forced(model), _FORCE, steps)):
+            above, below = (predict(model, values, _moved(model, rows, a, s), bare).values for s in (step, -step))
             by_drive[..., a] = (above - below) / (2 * step)
     return replace(here, jacobian=jacobian, by_drive=by_drive)
+
+
+def _moved(model: Model, rows: Rows, drive: int, by: float) -> Rows:
+    """Rows in which a drive is commanded another reading, or force."""
+    if forced(model)[drive]:
+        return replace(rows, columns={**rows.columns, f"push.{model.drive_names[drive]}": np.full(len(rows), by)})
+    shift = np.zeros_like(rows.readings)
+    shift[:, drive] = by
+    return rows.moved(shift)
 
 
 def _parameter_steps(

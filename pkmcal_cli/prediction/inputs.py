@@ -115,6 +115,11 @@ class SiteInputs(AtSite):
         return self._column(f"dir.{self.model.actuators[self.site.actuator].name}")
 
     @property
+    def motion(self) -> Array:
+        """Direction of the last motion of the drive along its travel, against which readings may count."""
+        return np.asarray(np.sign(self._gain(self.site.actuator)) * self.direction)
+
+    @property
     def temperature_rise(self) -> Array:
         """Temperature above the reference, of the part's own column where there is one, K."""
         return self._column(f"T.{self.site.part}", "T") - self.placed.options.get("reference", (_REFERENCE,))[0]

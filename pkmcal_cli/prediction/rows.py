@@ -27,9 +27,10 @@ class Rows:
     """Drive readings (N, A) in SI (m, rad) and forces (N, A) of force-controlled drives (nan: the machine's).
 
     columns (N,): covariates that effects need, by name: "time", "T", "T.PART", "dir.ACTUATOR" (-1, 0, 1), "payload",
-    "spindle", "session.NAME" (1 in the rows of the session, else 0). partner (N,): the row that a measurement joins
-    to this one, -1 without. measured (N, C): what instruments read, nan where nothing: of the rotation vectors of one
-    rotation, that nearer to it is predicted. unnamed: whether nobody named the session, whose name is then its file's.
+    "spindle", "session.NAME" (1 in the rows of the session, else 0), "push.ACTUATOR" (N or N m that it pushes more than
+    commanded). partner (N,): the row that a measurement joins to this one, -1 without. measured (N, C): what
+    instruments read, nan where nothing: of the rotation vectors of one rotation, that nearer to it is predicted.
+    unnamed: whether nobody named the session, whose name is then its file's.
     """
 
     readings: Array
@@ -199,10 +200,10 @@ class WarmStart:
 class Prediction:
     """Predicted readings (N, C), nan where `status` (N,) is not SOLVED.
 
-    jacobian: (N, C, P') with respect to the asked parameters; by_drive: (N, C, A) with respect to drive readings;
-    by_partner: (N, C, A) with respect to those of the row that is joined; forces: (N, A) of drives, N or N m; energy:
-    (N,) strain energy, J; tension: (N, R) of ropes with a least tension, N; slack: names of slack
-    ropes by row; misfit, sought: as in `WarmStart`.
+    jacobian: (N, C, P') with respect to the asked parameters; by_drive: (N, C, A) with respect to drive readings, and
+    to the forces of force-controlled drives; by_partner: (N, C, A) those of the row that is joined; forces: (N, A) of
+    drives, N or N m; energy: (N,) strain energy, J; tension: (N, R) of ropes with a least tension, N; slack: names of
+    slack ropes by row; misfit, sought: as in `WarmStart`.
     """
 
     values: Array

@@ -51,6 +51,7 @@ def commanded_coefficients(model: Model, given: BaseCoefficients, rows: Rows) ->
         if drive.force_controlled:
             asked = rows.forces[:, a]
             force = np.where(np.isnan(asked), base[actuator.force_coefficient], asked)
+            force = force + rows.columns.get(f"push.{drive.name}", 0.0)
             coefficients[:, drive.force_coefficient] += drive.force_sign * force
         else:
             coefficients[:, drive.coefficient] += base[actuator.gain_coefficient] * rows.readings[:, a]
@@ -117,7 +118,7 @@ class Chain:
     def apply(
         self, rows: Rows, coefficients: Array, by_coefficient: Array, moved: Displacements
     ) -> tuple[Array | None, Array]:
-        """Derivatives by coefficient (N, C, S) to those by parameter (N, C, P') and by drive reading (N, C, A).
+        """Derivatives by coefficient (N, C, S) to those by parameter (N, C, P') and by drive (N, C, A).
 
         Effects and then the command stage add their share to `by_coefficient`.
         """
@@ -127,9 +128,9 @@ class Chain:
         for a, (drive, actuator) in enumerate(zip(self.model.topology.drives, self.model.actuators, strict=True)):
             if drive.force_controlled:
                 unstated = np.isnan(rows.forces[:, a])[:, None] * drive.force_sign  # by the machine, not by a column
-                by_coefficient[..., actuator.force_coefficient] += (
-                    unstated * by_coefficient[..., drive.force_coefficient]
-                )
+                by_force = by_coefficient[..., drive.force_coefficient]
+                by_drive[..., a] = drive.force_sign * by_force
+                by_coefficient[..., actuator.force_coefficient] += unstated * by_force
             else:
                 by_position, gain = by_coefficient[..., drive.coefficient], actuator.gain_coefficient
                 by_drive[..., a] += by_position * coefficients[:, None, gain]

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.model.commanded import forced
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_channels import tcp_model
 from pkmcal_cli.model.tool_motion import DIRECTIONS
@@ -72,7 +73,7 @@ def _touching_readings(
         if step == _STEPS - 1 or not (np.abs(error) > _EXACT).any():
             break
         if step < _RENEWED:
-            slopes = _drives_by_place(model, pose)
+            slopes = np.where(forced(model)[:, None], 0.0, _drives_by_place(model, pose))
         assert there.by_drive is not None
         by_place = np.where(known[..., None], there.by_drive[:, columns] @ slopes, 0.0) * size
         pose[:, free] += _limited(_least(by_place, error) * size, model.length)

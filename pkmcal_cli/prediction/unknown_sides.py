@@ -1,7 +1,7 @@
 """Rows of which nobody knows from which side a drive came: there its reversal error is an uncertainty of its position.
 
 Such is the first row of a session. Either side is as likely, so a reversal of +-b/2 is a standard uncertainty of b/2 of
-the drive's travel in that row, and of no other.
+the drive's travel in that row, and of no other; friction of +-f one of f of the force of a force-controlled drive.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.model.commanded import forced
 from pkmcal_cli.model.effect_sites import PlacedEffect
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction.inputs import Reactions, SiteInputs
@@ -26,7 +27,7 @@ def sided_drives(model: Model) -> tuple[int, ...]:
 
 
 def side_sigma(model: Model, rows: Rows, sizes: Mapping[str, float]) -> Array | None:
-    """Standard uncertainty of the drives' travel (N, A) by sides that nobody knows; None for 0.
+    """Standard uncertainty of the drives' travel, or commanded forces, (N, A) by sides that nobody knows; None for 0.
 
     sizes: of reversal errors by parameter, SI.
     """
@@ -48,11 +49,11 @@ def side_sigma(model: Model, rows: Rows, sizes: Mapping[str, float]) -> Array | 
 
 
 def _moved(placed: PlacedEffect, model: Model, ahead: Rows, forces: Array, sizes: Mapping[str, float]) -> Array:
-    """By how much an effect moves drives (N, A) that come from below."""
-    out = np.zeros(ahead.readings.shape)
+    """By how much an effect moves what drives that come from below are commanded (N, A): their travel, or force."""
+    out, by_force = np.zeros(ahead.readings.shape), forced(model)
     numbers = {n: sizes[p] for n, p in zip(placed.numbers, placed.parameters, strict=True)}
     session = ahead.columns.get(f"session.{placed.acts_in}", np.zeros(len(ahead))) if placed.acts_in else 1.0
-    for site in placed.sites:
+    for site in (s for s in placed.sites if by_force[s.actuator] == (placed.effect.enters == "drive_force")):
         reactions = Reactions((site.place,), forces[:, [site.actuator]], {}, None, None)
         moved = placed.effect.displacement(SiteInputs(site, model, ahead, placed, reactions), numbers)
         out[:, site.actuator] += moved[:, 0] * session

@@ -87,7 +87,7 @@ class Loads:
     @classmethod
     def of_fit(cls, problem: Problem, fit: Fit, row_origin: Callable[[int], RowOrigin]) -> Loads:
         """The loads of the rows of a fit."""
-        return cls.of(problem.model, fit.values, problem.rows.moved(fit.shift), row_origin, fit.last.start)
+        return cls.of(problem.model, fit.values, problem.moved(fit.shift), row_origin, fit.last.start)
 
     def add(self, values: Array, rows: Rows, prediction: Prediction, row_origin: Callable[[int], RowOrigin]) -> None:
         """Count the solved rows of a prediction at parameter values (P,), SI; `row_origin`: where a row stands."""

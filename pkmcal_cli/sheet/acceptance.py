@@ -22,7 +22,7 @@ from pkmcal_cli.calibration.repeated_targets import (
     pose_runs,
 )
 from pkmcal_cli.calibration.residual import evaluate
-from pkmcal_cli.loading.covariates import at_rest, resting, with_directions
+from pkmcal_cli.loading.covariates import at_rest, resting, with_sides
 from pkmcal_cli.sheet.content import Block, Section, Table, Text, section
 from pkmcal_cli.sheet.results import Results
 
@@ -157,7 +157,7 @@ def acceptance(results: Results) -> Acceptance | None:
         problem, values = verification.problem, verification.values
     else:
         problem, values, state = results.calibrated.problem, results.calibrated.fit.before.values, "as built"
-    problem = replace(problem, rows=with_directions(problem.rows, problem.model.drive_names))
+    problem = replace(problem, rows=with_sides(problem.rows, problem.model))
     targets = measured_targets(problem, evaluate(problem, values, ()))
     if targets is None:
         return None

@@ -136,9 +136,12 @@ class Needs:
         """Forces of force-controlled actuators that have no constant one."""
         required = {}
         for name, actuator in self.machine.actuators.items():
-            if actuator.control == "force" and (actuator.force is None or actuator.force.otherwise is None):
-                column = self.columns[f"{name}.force", "force"]
-                b = self.columns_bound.get((column.name, "force"))
+            column = self.columns[f"{name}.force", "force"]
+            b = self.columns_bound.get((column.name, "force"))
+            stated = actuator.force is not None and actuator.force.otherwise is not None
+            if stated and b is None:
+                self._astray([column], f"the force of actuator {name} has no column")
+            elif actuator.control == "force" and not stated:
                 if b is None:
                     message = f"missing column `{column.header}` (force of actuator {name})"
                     hint = f"{self._remedy([column])}; or state a constant `force` of {name} in the machine file"
@@ -160,10 +163,14 @@ class Needs:
             )
             self._missing(message, *channels)
             return
+        self._astray(lost, "channel `{name}` has no column")
+
+    def _astray(self, lost: Sequence[Column], text: str) -> None:
+        """Columns that nothing is made of, and whose name is nearly that of a lost one."""
         for index, cell in self.spare.items():
             near = next((c for c in lost if is_near(cell, c)), None)
             if near is not None and self.reader.first_cell(index):
-                message = f"column `{cell.text}` is not used and channel `{near.name}` has no column"
+                message = f"column `{cell.text}` is not used and {text.format(name=near.name)}"
                 line_column = self.reader.format.header_line, index
                 flaw = Flaw("csv-missing", message, did_you_mean_column(cell, near), *line_column)
                 self.log.add(flaw, self.reader.header_source())

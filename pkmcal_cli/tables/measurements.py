@@ -233,7 +233,11 @@ class _File:
             declared = actuator.force is not None and actuator.force.column is not None
             expected = actuator.control == "force" and (declared or binding.named(f"{name}.force"))
             if expected and (n := self.gaps[f"{name}.force"]):
-                notes.append(f"no force of {name} in {n} of {self.rows} rows: the force of the machine file is used")
+                unit = next(c for c in binding.known if (c.name, c.role) == (f"{name}.force", "force")).si_unit
+                assert actuator.force is not None and actuator.force.otherwise is not None
+                used = unit.format(actuator.force.otherwise.number(self.machine.nominal_values()), 6)
+                text = f"no force of {name} in {n} of {self.rows} rows: the force of the machine file is used, {used}"
+                notes.append(text)
         if self.require != "measured":
             return notes
         channels = [c for c in binding.known if c.role == "channel"]

@@ -19,6 +19,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.loading.evidence import Evidence
 from pkmcal_cli.loading.load_machine import Start
 from pkmcal_cli.loading.poses import RowOrigin
+from pkmcal_cli.model.commanded import per_command
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_channels import tcp_model
 from pkmcal_cli.prediction import Request, Rows, WarmStart, predict
@@ -109,15 +110,15 @@ class ErrorMap:
 
     def _variance(self, model: Model, rows: Rows, start: WarmStart) -> Array:
         """Variances (N, C), SI, of the channels of a model, but for what is unexplained."""
-        travel = side_sigma(model, rows, dict(zip(model.names, self.values.tolist(), strict=True)))
-        request = Request(parameters=self.names, by_drive=travel is not None)
+        moved = side_sigma(model, rows, dict(zip(model.names, self.values.tolist(), strict=True)))
+        request = Request(parameters=self.names, by_drive=moved is not None)
         prediction = predict(model, self.values, rows, request, start)
         assert prediction.jacobian is not None
         variance = np.einsum("ncp,pq,ncq->nc", prediction.jacobian, self.covariance, prediction.jacobian)
         variance = variance + between_knots(model, self.values, rows, start)
-        if travel is not None:
+        if moved is not None:
             assert prediction.by_drive is not None
-            variance += ((prediction.by_drive * (travel / model.gains)[:, None, :]) ** 2).sum(axis=2)
+            variance += ((prediction.by_drive * (moved / per_command(model))[:, None, :]) ** 2).sum(axis=2)
         return np.asarray(variance)
 
     def _count(self, u: Array, places: Mapping[int, RowOrigin]) -> None:

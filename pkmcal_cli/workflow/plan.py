@@ -24,7 +24,7 @@ from pkmcal_cli.diagnosis.hypotheses import candidates_of
 from pkmcal_cli.diagnosis.linear import linear_problem
 from pkmcal_cli.diagnosis.power import Campaigns
 from pkmcal_cli.language.tool_point import ToolPoint
-from pkmcal_cli.loading.covariates import with_directions
+from pkmcal_cli.loading.covariates import with_sides
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_parameters
 from pkmcal_cli.loading.pose_channels import planned_channels
 from pkmcal_cli.loading.tool_coordinates import required_tool_point, tool_motion
@@ -192,12 +192,12 @@ def _approached(
     loaded: LoadedMachine, values: Array, poses: PoseSet, request: PlanRequest, to: Reporter
 ) -> tuple[Rows, PoseSet, Approaches | None]:
     """Rows with the sides that they are approached from: those of the schedule, or of a table that was measured."""
-    model, rows, names = loaded.model, poses.poses.rows, loaded.model.drive_names
+    model, rows = loaded.model, poses.poses.rows
     stands_still = all(d.force_controlled for d in model.topology.drives)
     if stands_still or (request.output is None and poses.poses.measured is not None):
-        return with_directions(rows, names), poses, None
+        return with_sides(rows, model), poses, None
     stated_sides = np.zeros(rows.readings.shape) if poses.poses.sides is None else np.nan_to_num(poses.poses.sides)
-    resting = with_directions(rows, names)
+    resting = with_sides(rows, model)
     places = tcp_places(model, values, resting)
     with to.step("how points are approached"):
         ways = approaches(model, values, resting, places, np.random.default_rng([request.seed, 1]), stated_sides)

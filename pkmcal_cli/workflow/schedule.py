@@ -13,6 +13,7 @@ from pkmcal_cli.correction.whole_steps import whole_steps
 from pkmcal_cli.csv_files.dialect import split_header
 from pkmcal_cli.csv_files.origin import Origin
 from pkmcal_cli.loading.load_machine import LoadedMachine
+from pkmcal_cli.model.commanded import forced
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.prediction.inverse_kinematics import drive_positions
@@ -20,6 +21,7 @@ from pkmcal_cli.prediction.touching import tcp_places
 from pkmcal_cli.tables.columns import columns_of
 from pkmcal_cli.workflow.approaches import Approaches
 from pkmcal_cli.workflow.schedule_forms import Schedule, write_form
+from pkmcal_cli.workflow.table import force_columns
 
 DATUM_EVERY = 20  # rows between visits of the datum pose
 PACE = 20.0  # s a row: the way there, coming to rest, reading
@@ -62,6 +64,8 @@ def write_schedule(
         sessions=[rows.session_names[k] for k in rows.session[index]] if rows.session_names else [],
         drives=[(a.name, loaded.machine.actuators[a.name].column or a.name, a.unit) for a in actuators],
         there=there[index][:, held], begin=begins[index][:, held], side=side[index], readings=_readings(loaded),
+        following={model.actuators[a].name: ways.side[index, a] for a in np.nonzero(forced(model))[0]},
+        forces=force_columns(loaded.machine, model, rows.forces[index]),
         ways=_ways(model, there[index], begins[index], held) if programmed else (),
         dwell=options.dwell, feed=options.feed, origin=options.origin,
     )  # fmt: skip

@@ -32,8 +32,9 @@ _MOST = 1e6
 @dataclass(frozen=True, kw_only=True)
 class Schedule:
     """Rows in the order of measurement: ids, partners by column, sessions (none: one without a name), set values (n, h)
-    of drives with units, where each approach begins and its sides (n, h); ways: set values (k, h) on the way from the
-    row before, for programs; readings: headers and units of what is to be filled in.
+    of drives with units, where each approach begins and its sides (n, h); following: sides (n,) of drives that have no
+    set value, by name; forces: headers, units and values (n,) of those that are commanded, SI; ways: set values (k, h)
+    on the way from the row before, for programs; readings: headers and units of what is to be filled in.
     """
 
     machine: str
@@ -44,6 +45,8 @@ class Schedule:
     there: Array
     begin: Array
     side: Array
+    following: Mapping[str, Array]
+    forces: Sequence[tuple[str, str | None, Values]]
     ways: Sequence[Array]
     readings: Sequence[tuple[str, str | None]]
     dwell: float
@@ -55,10 +58,12 @@ def _table(s: Schedule, target: str, inputs: Collection[str], force: bool) -> No
     headers: list[tuple[str, str | None]] = [("id", None), *[("to", None) for _ in s.partners]]
     headers += [("session", None)] if s.sessions else []
     headers += [(column, unit) for _, column, unit in s.drives]
-    headers += [(f"dir.{name}", None) for name, _, _ in s.drives]
+    headers += [(f"dir.{name}", None) for name in (*(n for n, _, _ in s.drives), *s.following)]
     headers += [(f"{APPROACH}{name}", unit) for name, _, unit in s.drives]
+    headers += [(name, unit) for name, unit, _ in s.forces]
     named = [s.sessions] if s.sessions else []
-    columns: list[Values] = [s.ids, *s.partners, *named, *s.there.T, *s.side.T, *s.begin.T]
+    columns: list[Values] = [s.ids, *s.partners, *named, *s.there.T, *s.side.T, *s.following.values(), *s.begin.T]
+    columns += [force for _, _, force in s.forces]
     blank, origin = np.full(len(s.ids), np.nan), None if is_stream(target) else s.origin
     with open_writer(target, [*headers, *s.readings], inputs, origin=origin, digits=9, force=force) as writer:
         writer.write([*columns, *(blank for _ in s.readings)])
@@ -96,6 +101,7 @@ def _checklist(s: Schedule, target: str, inputs: Collection[str], force: bool) -
             f"{n}: {u.from_si(float(b)):.3f} -> {u.from_si(float(t)):.3f} {u.text} ({_SIDES[float(side)]})"
             for (n, _, _), u, b, t, side in parts
         ]
+        moves += [f"{n}: {parse_unit(u or '1').format(float(force[k]), 6)}" for n, u, force in s.forces]
         joined = "".join(f", to {column[k]}" for column in s.partners if column[k])
         joined += f", session {in_line(s.sessions[k])}" if s.sessions else ""
         lines += [f"[ ] {k + 1:>3}  {name}{joined}", *(f"         {m}" for m in moves), f"         {blanks}", ""]

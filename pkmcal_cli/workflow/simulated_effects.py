@@ -12,7 +12,7 @@ from pkmcal_cli.compiler.placed_effects import absence
 from pkmcal_cli.diagnosis.hypotheses import Candidates, candidates_of
 from pkmcal_cli.diagnosis.simulated_effects import UNLOADED, simulated_effects
 from pkmcal_cli.effects import catalogue
-from pkmcal_cli.loading.covariates import with_directions
+from pkmcal_cli.loading.covariates import with_sides
 from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine, load_parameters
 from pkmcal_cli.loading.nearby_poses import nearby_poses
 from pkmcal_cli.loading.poses import failed_rows
@@ -48,7 +48,7 @@ def run_simulated_effects(machine: str, request: EffectsRequest) -> int:
     for text in start.remarks(bool(poses.every.rows.named_sessions)):
         to.warn(text)
     selected = _selected(model, request.select)
-    candidates = candidates_of(model, selected, with_directions(poses.every.rows, model.drive_names))
+    candidates = candidates_of(model, selected, with_sides(poses.every.rows, model))
     values = np.append(start.values, candidates.model.nominal[len(model.parameters) :])
     problem, still, poses = _predicted(to, loaded.machine.file_units, candidates.model, values, poses)
     with to.step("what each effect does"):
@@ -86,14 +86,13 @@ def _predicted(
     to: Reporter, units: FileUnits, model: Model, values: Array, poses: PoseSet
 ) -> tuple[Problem, Prediction, PoseSet]:
     """What is read at the poses that can be predicted, and these; others are told. Raises BadInput where none can."""
-    names = model.drive_names
-    still = predict(model, values, with_directions(poses.poses.rows, names), Request(forces=True))
+    still = predict(model, values, with_sides(poses.poses.rows, model), Request(forces=True))
     if reasons := {int(k): still.reason(int(k)) for k in np.nonzero(~still.solved)[0]}:
         if len(reasons) == len(poses.kept):
             raise failed_rows(poses.poses.row_origin, reasons, len(poses.poses))
         return _predicted(to, units, model, values, poses.without(reasons))
     poses.failed.show(to)
-    rows, measured = with_directions(poses.poses.rows, names), poses.poses.measured
+    rows, measured = with_sides(poses.poses.rows, model), poses.poses.measured
     if not np.isfinite(still.values).any():
         to.notes(["no sensor reads anything at these poses: coordinates of the TCP are shown instead"])
         unit_of = {"length": units.length.text, "angle": units.angle.text}

@@ -10,6 +10,7 @@ import numpy as np
 from pkmcal_cli.base.errors import UsageError
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import stated_sigma
+from pkmcal_cli.model.commanded import drive_sigma
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.units.unit_text import parse_unit
@@ -40,8 +41,7 @@ class Noise:
             sigma = np.array([c.sigma for c in model.channels])
             silent = [c.name for c, s in zip(model.channels, sigma, strict=True) if np.isnan(s)]
             channels = np.nan_to_num(sigma)
-            drives = np.nan_to_num([a.sigma for a in model.actuators]) / model.gains
-            drives[[d.force_controlled for d in model.topology.drives]] = 0.0  # their readings are channels
+            drives = drive_sigma(model) / model.gains
         elif text != "none":
             dimensions = [parse_unit(c.unit).dimension for c in model.channels]
             value, unit = amount("--noise", text, fitting=tuple(dict.fromkeys(dimensions)))

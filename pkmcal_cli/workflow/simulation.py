@@ -15,7 +15,7 @@ from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.csv_files.writer import Values
 from pkmcal_cli.language.tool_point import ToolPoint
-from pkmcal_cli.loading.covariates import with_directions
+from pkmcal_cli.loading.covariates import with_sides
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_parameters
 from pkmcal_cli.loading.pose_channels import Channels, known_channels, touched_channels
 from pkmcal_cli.loading.pose_source import PoseSource
@@ -244,7 +244,7 @@ class Simulation:
         columns = {n: c for n, c in rows.columns.items() if not n.startswith("dir.") or n in self.table.covariates}
         if len(columns) == len(rows.columns):
             return rows
-        return with_directions(replace(rows, columns=columns), self.model.drive_names)
+        return with_sides(replace(rows, columns=columns), self.model)
 
     def _uncertainties(self, block: Poses, rows: Array, start: WarmStart) -> list[Array]:
         if self.errors is None:

@@ -10,6 +10,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.csv_files.dialect import split_header
 from pkmcal_cli.csv_files.writer import Values
 from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.model.commanded import forced
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Prediction, Rows
 from pkmcal_cli.tables.columns import columns_of, temperature_column
@@ -81,6 +82,15 @@ class PosedTable:
         except UnitError:
             named = False
         self.columns.append((cell.name, cell.unit) if named else (header, unit))
+
+
+def force_columns(machine: Machine, model: Model, forces: Array) -> list[tuple[str, str | None, Values]]:
+    """Headers, units and cells (N,) of commanded forces (N, A): what the machine file leaves to a table, or one has."""
+    table = PosedTable(machine, model, bool(np.isfinite(forces[:, forced(model)]).any()), ())
+    others = len(table.columns)
+    table._add_forces()
+    heads = table.columns[others:]
+    return [(*head, cells) for head, cells in zip(heads, table.force_cells(forces), strict=True)]
 
 
 class SimulatedTable(PosedTable):
