@@ -57,6 +57,16 @@ class Mobility:
     nearly_free: int  # motions that hardly strain anything, as of rails that are not quite parallel
     nearby: int  # degrees of freedom near the reference configuration; another number means a special position
 
+    @property
+    def special(self) -> bool:
+        """Whether the reference configuration is a special position."""
+        return self.nearby != self.degrees_of_freedom
+
+    @property
+    def matched(self) -> bool:
+        """Whether the drives hold everything, the others than redundant ones once."""
+        return not (self.uncontrolled or self.undetermined or self.overdetermined > 0)
+
 
 def all_drives(topology: Topology, state: DriveState, loaded: bool = False) -> System:
     """The system with every drive in one state."""

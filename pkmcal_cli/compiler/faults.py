@@ -7,13 +7,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from pkmcal_cli.base.errors import Fault
-from pkmcal_cli.compiler.assemble import BadConfiguration, Gap
+from pkmcal_cli.compiler.assemble import BadConfiguration, Gap, Mobility
 from pkmcal_cli.compiler.axes import depends, parallel
 from pkmcal_cli.compiler.build import Compiled
 from pkmcal_cli.compiler.coefficient_values import constant_vector, is_zero
 from pkmcal_cli.compiler.connection import unconnected_parts
 from pkmcal_cli.compiler.limit_faults import beyond_beams, outside_limits
-from pkmcal_cli.compiler.mobility_faults import mobility_faults
 from pkmcal_cli.compiler.paths import path_of
 from pkmcal_cli.compiler.physical import section_faults
 from pkmcal_cli.compiler.placed_effects import weightless
@@ -53,6 +52,14 @@ def configuration_fault(machine: Machine, error: BadConfiguration) -> Fault:
     return machine.source.fault("drawing", str(error), path_of(machine, error.element), error.hint, at_key=True)
 
 
+def _mobility_faults(machine: Machine, mobility: Mobility) -> list[Fault]:
+    if mobility.matched and not mobility.special and not mobility.rigid_loops:
+        return []
+    from pkmcal_cli.compiler.mobility_faults import mobility_faults  # most machines have none
+
+    return mobility_faults(machine, mobility)
+
+
 def mechanism_faults(machine: Machine, compiled: Compiled) -> list[Fault]:
     """Faults (errors and warnings) of mobility, closed loops and the reference assembly."""
     faults = [_gap_fault(machine, gap, compiled.model.length) for gap in _worst_gaps(compiled.gaps)]
@@ -61,7 +68,7 @@ def mechanism_faults(machine: Machine, compiled: Compiled) -> list[Fault]:
     return [
         *faults,
         *compiled.doubts,
-        *mobility_faults(machine, compiled.mobility),
+        *_mobility_faults(machine, compiled.mobility),
         *_shared_misfit(machine, compiled.shared_by),
         *outside_limits(machine, compiled.model),
         *beyond_beams(machine, compiled.model),

@@ -13,13 +13,13 @@ def mobility_faults(machine: Machine, mobility: Mobility) -> list[Fault]:
     """Of degrees of freedom that drives do not match, and of loops in which nothing yields."""
     at = ("actuators",) if machine.actuators else ()
     summary = f"{_mobility_text(machine, mobility)} ({_counts(mobility)})"
-    if mobility.nearby != mobility.degrees_of_freedom:
+    if mobility.special:
         message = (
             f"the reference configuration is singular: {count(mobility.nearby, 'degree')} of freedom in nearby poses"
         )
         hint = _missing(machine, mobility) + "choose a non-singular pose as the reference configuration"
         faults = [machine.source.fault("mobility", f"{message} ({_counts(mobility)})", at, hint)]
-    elif _immobile(mobility):
+    elif not mobility.matched:
         faults = [machine.source.fault("mobility", summary, at, _mobility_hint(machine, mobility))]
     else:
         faults = []
@@ -30,10 +30,6 @@ def mobility_faults(machine: Machine, mobility: Mobility) -> list[Fault]:
         message = f"closed loop without compliance: {members}"
         faults.append(machine.source.fault("rigid-loop", message, path, hint, at_key=True))
     return faults
-
-
-def _immobile(mobility: Mobility) -> bool:
-    return bool(mobility.uncontrolled or mobility.undetermined or mobility.overdetermined > 0)
 
 
 def _mobility_text(machine: Machine, mobility: Mobility) -> str:

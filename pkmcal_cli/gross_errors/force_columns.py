@@ -58,22 +58,25 @@ def explain_forces(sample: Sample) -> tuple[Hint, ...]:
         return ()
     commanded = tuple(c for c in columns if c.commanded)
     if left.count < FEW + len(columns) or sample.mostly_lost:
-        return _too_large(sample, commanded)
+        return _too_large(sample, commanded, np.inf)
     factors = _meant(columns, left.factors())
     after, swapped = left.size(left.vector + left.slopes @ (factors - 1.0)), _swapped(columns, left)
     if left.explained(after) and not any(h.after < after for h in swapped):
         return tuple(_rescaled(columns, factors, left.before, after))
-    return swapped or _too_large(sample, commanded)
+    return swapped or _too_large(sample, commanded, left.before)
 
 
-def _too_large(sample: Sample, columns: Sequence[_Column]) -> tuple[Hint, ...]:
-    """Commanded forces that are right in a far smaller unit: under what they are, nothing is linear."""
+def _too_large(sample: Sample, columns: Sequence[_Column], before: float) -> tuple[Hint, ...]:
+    """Commanded forces that are right in a far smaller unit: under what they are, nothing is linear.
+
+    before: what is left of them as they are, in standard uncertainties.
+    """
     whole, values, parameters = sample.whole, sample.evaluation.values, sample.evaluation.parameters
     for factor in (f for f in factors_of(columns[0].unit) if f <= _FAR) if columns else ():
         rows = replace(whole.rows, forces=whole.rows.forces * factor)
         weaker = Sample.of(replace(whole, rows=rows), values, parameters)
         left = _Left.of(weaker, ())
-        if weaker.evaluation.prediction.solved.all() and left.count and left.before <= GROSS:
+        if weaker.evaluation.prediction.solved.all() and left.count and left.before <= min(GROSS, BETTER * before):
             names, words = tuple(c.name for c in columns), times(factor) + unit_words(columns[0].unit, factor)
             fall = f"parameters within their ranges leave {left.before:.2g} standard uncertainties"
             message = f"{_look(names)} {words}: {fall} when multiplied by {factor:.4g}"
