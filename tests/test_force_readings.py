@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.base.rotation import Array
-from tests.command import run
+from tests.command import MACHINES, run
 from tests.test_force_columns import DRIVES, SLIDERS, held
 
 SENSORS = """sensors:
@@ -102,3 +102,21 @@ def test_right_tables_get_no_hint(friction: float, seed: int, tmp_path: Path) ->
     assert found["mistakes"] == []
     causes = [(e["effect"], e["at"]) for e in found["effects"]]  # type: ignore[attr-defined]
     assert causes == ([("friction", "q3")] if friction else [])
+
+
+@pytest.mark.parametrize("of", ["weight", "friction"])
+def test_forces_of_a_machine_that_has_none_are_in_no_wrong_unit(of: str, tmp_path: Path) -> None:
+    """Two drives without redundancy, loads or weight push nothing: no factor makes 50 N of that."""
+    machine, data, rng = tmp_path / "m.yaml", tmp_path / "t.csv", np.random.default_rng(1)
+    sensors = "".join(f"  f{i}: {{kind: force, drive: q{i}, sigma: 1 N}}\n" for i in (1, 2))
+    machine.write_text(f"extends: {MACHINES}/triglide-nonredundant.yaml\nsensors:\n{sensors}", encoding="utf-8")
+    lines = (MACHINES / "triglide-nonredundant.csv").read_text(encoding="utf-8").splitlines()
+    head, *rows = [line for line in lines if line[:1] != "#"]
+    head = head.replace("x [mm]", "tracker.x [mm]").replace("y [mm]", "tracker.y [mm]")
+    signs = rng.choice([-1, 1], (len(rows), 2)) if of == "friction" else np.ones((len(rows), 2))
+    forces = 50.0 * signs + rng.normal(size=signs.shape)
+    table = [f"{row},{a:.3f},{b:.3f}" for row, (a, b) in zip(rows, forces, strict=True)]
+    data.write_text("\n".join([f"{head},f1 [N],f2 [N]", *table[::4], ""]), encoding="utf-8")
+    done = run("check", machine, data)
+    assert done.code == 0 and "times too" not in done.err, done.err
+    assert "farther from the nominal machine" in done.err

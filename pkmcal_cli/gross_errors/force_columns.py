@@ -15,7 +15,18 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.whitening import Slopes, whiten
-from pkmcal_cli.gross_errors.plausibility import BETTER, FEW, GROSS, Hint, Kind, Right, factors_of, times, unit_words
+from pkmcal_cli.gross_errors.plausibility import (
+    BETTER,
+    FEW,
+    GROSS,
+    Hint,
+    Kind,
+    Right,
+    factors_of,
+    rms,
+    times,
+    unit_words,
+)
 from pkmcal_cli.gross_errors.sample import Sample
 from pkmcal_cli.units.measurands import Measurand
 from pkmcal_cli.units.unit_text import Unit, parse_unit
@@ -32,13 +43,21 @@ _TRACE = 1e-9  # share of a column that parameters leave of it: less is rounding
 
 @dataclass(frozen=True)
 class _Column:
-    """Forces (n,) as they were read or commanded; `by_force` (n, C): how what is left grows with each."""
+    """Forces (n,) as they were read or commanded; `by_force` (n, C): how what is left grows with each.
+
+    size: rms of what was read, in standard uncertainties; infinite of what was commanded.
+    """
 
     name: str
     unit: Unit
     force: Array
     by_force: Array
-    commanded: bool = False
+    size: float = np.inf
+
+    @property
+    def commanded(self) -> bool:
+        """Whether a drive was told to push so."""
+        return self.size == np.inf
 
     def more(self, forces: Array) -> Array:
         """By how much (n, C) what is left grows by more force (n,)."""
@@ -60,6 +79,8 @@ def explain_forces(sample: Sample) -> tuple[Hint, ...]:
     if left.count < FEW + len(columns) or sample.mostly_lost:
         return _too_large(sample, commanded, np.inf)
     factors = _meant(columns, left.factors())
+    nothing = [abs(f) * c.size < GROSS for f, c in zip(factors.tolist(), columns, strict=True)]
+    factors[nothing] = 1.0  # a machine without forces explains none: these may be weight, or friction
     after, swapped = left.size(left.vector + left.slopes @ (factors - 1.0)), _swapped(columns, left)
     if left.explained(after) and not any(h.after < after for h in swapped):
         return tuple(_rescaled(columns, factors, left.before, after))
@@ -156,7 +177,8 @@ def _readings(sample: Sample) -> Iterator[_Column]:
         force = np.where(np.isfinite(sample.predicted[:, k]), sample.readings[:, k], np.nan)
         if c.measurand is Measurand.FORCE and np.isfinite(force).sum() >= FEW:
             by_force = np.tile(np.eye(len(channels))[k], (len(force), 1))
-            yield _Column(c.name, parse_unit(c.unit), np.nan_to_num(force), by_force)
+            size = rms(force / sample.part.sigma[:, k])
+            yield _Column(c.name, parse_unit(c.unit), np.nan_to_num(force), by_force, size)
 
 
 def _commands(sample: Sample) -> Iterator[_Column]:
@@ -166,7 +188,7 @@ def _commands(sample: Sample) -> Iterator[_Column]:
         force = sample.part.rows.forces[:, a]
         if drive.force_controlled and np.isfinite(force).sum() >= FEW:
             unit = parse_unit("N" if model.topology.moves_length(drive) else "N*m")
-            yield _Column(f"{drive.name}.force", unit, np.nan_to_num(force), -np.nan_to_num(by_drive[:, :, a]), True)
+            yield _Column(f"{drive.name}.force", unit, np.nan_to_num(force), -np.nan_to_num(by_drive[:, :, a]))
 
 
 @dataclass(frozen=True)
