@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pkmcal_cli.calibration.fit import Ended
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate
@@ -148,7 +149,7 @@ def test_a_row_that_nothing_predicts_is_not_held_out() -> None:
     d = diagnosed(campaign("triglide-nonredundant", [unit("triglide-nonredundant", "backlash", "q1", 4)], 4), 4)
     (hypothesis,), gains = d.search.accepted, []
     for problem in without_reach(d.search.problem, 7):
-        fit = replace(d.search.fit, after=evaluate(problem, d.search.fit.values))
+        fit = replace(d.search.fit, ended=Ended(problem, evaluate(problem, d.search.fit.values)))
         gains.append(held_out_gain(replace(d.search, problem=problem, fit=fit), hypothesis))
     assert gains[0] == gains[1] and gains[0].confirmed
 

@@ -4,18 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.special import chdtrc
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.identifiability import Directions
-from pkmcal_cli.calibration.residual import Evaluation
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import Evaluation, evaluate
 
 SIGNIFICANT = 0.01
 """Chance of a chi-square so large at which more is left than sigma explains."""
 ABANDONED = "abandoned"
 """Why a fit stopped that was to end soon, and is far from any end."""
+
+
+@dataclass(frozen=True)
+class Ended:
+    """Where a fit ended: the rows that it used, and the evaluation with derivatives and the drives' errors."""
+
+    problem: Problem
+    last: Evaluation
+
+    @cached_property
+    def after(self) -> Evaluation:
+        """The rows as the drives read: of most fits that are compared nobody asks for it."""
+        if not self.last.shift.any():
+            return self.last
+        return evaluate(self.problem, self.last.values, start=self.last.start)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,17 +48,26 @@ class Fit:
     selected: tuple[str, ...]
     directions: Directions
     before: Evaluation
-    after: Evaluation
+    ended: Ended
     chi2: float
     dof: int
     status: str
     iterations: int
     at_bound: tuple[str, ...]
-    last: Evaluation  # with derivatives and the drives' errors, as the fit ended
     failed: Mapping[int, str] = field(default_factory=dict)  # why rows that nothing predicts had no part in it
     kinked: tuple[int, ...] = ()  # rows in which a rope is between taut and slack, though used
     stopped: str = "nothing"  # why it ended there: `step.advance`, "budget" of steps, "nothing" to identify, ABANDONED
     flat: bool = False  # whether chi-square had hardly changed for some steps when the fit ended
+
+    @property
+    def last(self) -> Evaluation:
+        """With derivatives and the drives' errors, as the fit ended."""
+        return self.ended.last
+
+    @property
+    def after(self) -> Evaluation:
+        """The rows it used, as the drives read."""
+        return self.ended.after
 
     @property
     def abandoned(self) -> bool:

@@ -13,10 +13,10 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.condensed import condensed, evaluate_condensed
-from pkmcal_cli.calibration.fit import ABANDONED, Fit
+from pkmcal_cli.calibration.fit import ABANDONED, Ended, Fit
 from pkmcal_cli.calibration.identifiability import directions
 from pkmcal_cli.calibration.misfit import residuals
-from pkmcal_cli.calibration.patience import Patience
+from pkmcal_cli.calibration.patience import EXACT, Patience
 from pkmcal_cli.calibration.predictable import led, nearest, states_at
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, chi_square, evaluate, reasons
@@ -34,7 +34,6 @@ _STATUS = {
 }
 STEPS = 60  # that a fit may take
 _SWITCHED, _ROUNDED = 1e-3, 1e-10  # in sigma, and m or rad: by which a reading in another assembly differs at least
-_ENDLESS = Patience()
 _BIND = 1e-9  # a parameter this near to its bound, in ranges, is on it
 
 
@@ -54,7 +53,7 @@ def identify(
     progress: Callable[[int, float], None] | None = None,
     shift: Array | None = None,
     states: WarmStart | None = None,
-    patience: Patience = _ENDLESS,
+    patience: Patience = EXACT,
 ) -> Fit:
     """Identify the selected parameters, from nominal values or `start` (P,). Raises RowsFailed.
 
@@ -117,7 +116,7 @@ def _identified(
     progress: Callable[[int, float], None] | None,
     shift: Array | None = None,
     states: WarmStart | None = None,
-    patience: Patience = _ENDLESS,
+    patience: Patience = EXACT,
 ) -> Fit:
     """The fit of all rows that can be predicted where it leads. Raises RowsFailed."""
     first = evaluate_condensed(problem, problem.model.nominal if start is None else start, selected, states, shift)
@@ -256,12 +255,11 @@ def _finished(
         selected=selected,
         directions=spectrum,
         before=first,
-        after=evaluate(problem, last.values, start=last.start) if last.shift.any() else last,
+        ended=Ended(problem, last),
         chi2=near.chi2,
         dof=problem.count + near.known - max(moved, 0),
         status=status,
         iterations=count,
         at_bound=names,
-        last=last,
         failed=failed,
     )

@@ -34,4 +34,5 @@ class Patience:
         return self.enough * chi2 / count if count else 0.0
 
 
+EXACT = Patience()
 COMPARED = Patience(enough=1e-4)  # of fits that are compared with others: no evidence or error shows as little

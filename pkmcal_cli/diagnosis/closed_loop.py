@@ -20,6 +20,7 @@ from pkmcal_cli.calibration.error_budget import ErrorBudget, error_budget, held_
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identifiability import directions
 from pkmcal_cli.calibration.identify import RowsFailed, identify
+from pkmcal_cli.calibration.patience import COMPARED, EXACT, Patience
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import linearise
 from pkmcal_cli.calibration.robust import Loss, identify_robustly
@@ -226,7 +227,8 @@ def _with(fold: OuterFold, hypothesis: Hypothesis, whole: Diagnosis) -> OuterFol
     accepted = (*fold.accepted, hypothesis)
     start = _start(fold.train, accepted, whole)
     train = _beside(fold.train, accepted, whole)
-    return replace(fold, train=train, fit=_fit_with(train, accepted, whole, fold.fit), accepted=accepted, start=start)
+    fit = _fit_with(train, accepted, whole, fold.fit, COMPARED)
+    return replace(fold, train=train, fit=fit, accepted=accepted, start=start)
 
 
 def _start(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis) -> Array:
@@ -257,12 +259,15 @@ def with_shapes_of(model: Model, whole: Diagnosis) -> Model:
     return model.with_effects(tuple(s.placed for s in whole.search.shapes), parameters)
 
 
-def _fit_with(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis, earlier: Fit) -> Fit:
+def _fit_with(
+    problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis, earlier: Fit, patience: Patience = EXACT
+) -> Fit:
     """A calibration with effects; states begin where those of an earlier fit did. Raises RowsFailed."""
     problem = _beside(problem, accepted, whole)
     chosen = set(whole.search.declared) | {n for h in accepted for n in h.unknown}
     names = tuple(n for n in problem.model.names if n in chosen)
-    return identify(problem, names, _start(problem, accepted, whole), states=earlier.before.start)
+    start, states = _start(problem, accepted, whole), earlier.before.start
+    return identify(problem, names, start, states=states, patience=patience)
 
 
 def _determined(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis, earlier: Fit) -> Fit:

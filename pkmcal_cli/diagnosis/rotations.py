@@ -13,6 +13,7 @@ from pkmcal_cli.base.stages import Observer, unobserved
 from pkmcal_cli.base.workers import ALONE
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.calibration.patience import COMPARED
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.confirm import cells, single_poses
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
@@ -70,4 +71,4 @@ class _Rotations:
     def __call__(self, number: int, observe: Observer = unobserved) -> tuple[tuple[tuple[Hypothesis, ...], ...], Fit]:
         train, options = self.trains[number], replace(self.options, observe=observe)
         sets = named(self.candidates, replace(train, model=self.candidates.model), self.selected, options)
-        return sets, identify(train, self.selected, begun_with(self.candidates, train))
+        return sets, identify(train, self.selected, begun_with(self.candidates, train), patience=COMPARED)

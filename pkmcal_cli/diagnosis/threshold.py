@@ -12,7 +12,7 @@ from pkmcal_cli.diagnosis.linear import Linear
 from pkmcal_cli.diagnosis.score import Score
 
 DRAWS = 20_000
-_BLOCK = 1_000
+_BLOCK = 500  # draws at once, which stay in the processor's cache
 
 
 def smallest_p(linear: Linear, columns: Sequence[Array], scores: Sequence[Score], seed: int) -> Array:
@@ -33,8 +33,8 @@ def smallest_p(linear: Linear, columns: Sequence[Array], scores: Sequence[Score]
     rng = np.random.default_rng(seed)
     out = np.empty(DRAWS)
     for first in range(0, DRAWS, _BLOCK):
-        drawn = rng.normal(size=(_BLOCK, len(root))) @ root
-        statistic = np.add.reduceat(drawn**2, starts, axis=1)
+        drawn = rng.standard_normal((_BLOCK, len(root))) @ root
+        statistic = np.add.reduceat(np.multiply(drawn, drawn, out=drawn), starts, axis=1)
         p = np.ones(_BLOCK)
         for count in np.unique(counts):  # the largest statistic of each size has the smallest p
             p = np.minimum(p, chdtrc(count, statistic[:, counts == count].max(axis=1)))
