@@ -70,5 +70,6 @@ class _Rotations:
 
     def __call__(self, number: int, observe: Observer = unobserved) -> tuple[tuple[tuple[Hypothesis, ...], ...], Fit]:
         train, options = self.trains[number], replace(self.options, observe=observe)
-        sets = named(self.candidates, replace(train, model=self.candidates.model), self.selected, options)
-        return sets, identify(train, self.selected, begun_with(self.candidates, train), patience=COMPARED)
+        sets, states = named(self.candidates, replace(train, model=self.candidates.model), self.selected, options)
+        start = begun_with(self.candidates, train)
+        return sets, identify(train, self.selected, start, states=states, patience=COMPARED)

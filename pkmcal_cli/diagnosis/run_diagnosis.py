@@ -45,7 +45,7 @@ from pkmcal_cli.diagnosis.unknown import TESTS, Unknown, unknown_effects
 from pkmcal_cli.diagnosis.unmodelled import unmodelled_alternatives
 from pkmcal_cli.diagnosis.verdict import Verdict, verdict_of
 from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes
-from pkmcal_cli.prediction import fixed_smoothing
+from pkmcal_cli.prediction import WarmStart, fixed_smoothing
 
 _SHAPES = 2  # displacements without a name, at most
 
@@ -196,15 +196,17 @@ def _diagnosis(
 
 def named(
     candidates: Candidates, problem: Problem, selected: tuple[str, ...], options: SearchOptions
-) -> tuple[tuple[Hypothesis, ...], ...]:
+) -> tuple[tuple[tuple[Hypothesis, ...], ...], WarmStart]:
     """What a diagnosis of a table names, each effect with those that explain the table as well; nothing else of it.
 
-    Raises RowsFailed.
+    And states of the rows where its calibration began. Raises RowsFailed.
     """
-    search = _ended(_begun(candidates, problem, selected, options), options)
+    begun = _begun(candidates, problem, selected, options)
+    search = _ended(begun, options)
     rivals = {h: [r.hypothesis for r in rivals_of(search, h)] for h in search.accepted}
     sets = tuple((h, *(r for r in others if r != h)) for h, others in rivals.items())
-    return (*sets, *(tuple(nameless_at(at) for at, _ in shape.places) for shape in search.shapes))
+    shapes = (tuple(nameless_at(at) for at, _ in shape.places) for shape in search.shapes)
+    return (*sets, *shapes), begun.every.fit.before.start
 
 
 @dataclass(frozen=True, kw_only=True)
