@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -99,6 +100,25 @@ def test_where_a_cause_of_usual_size_is_ahead_no_rival_that_is_far_is_named(
     found = with_far_causes(search)
     assert not found.far_off and [h.name for h in found.accepted] == usual == ["zero@all"]
     assert found.fit.chi2 < 0.1 * search.fit.chi2 and found.p_values["zero@all"] < 1e-6, "as linear tests accept it"
+
+
+@pytest.mark.parametrize("clearly", [far_causes._CLEARLY, np.inf])
+def test_what_leaves_clearly_more_than_a_cause_of_all_is_not_fitted(
+    clearly: float, search: Search, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The constant that was planted in all belts is tried first, and no constant of a single belt after it."""
+    tried, plain = list[str](), far_causes._fit
+
+    def watched(some: Search, hypothesis: Hypothesis, *more: Any) -> Any:
+        tried.append(hypothesis.name)
+        return plain(some, hypothesis, *more)
+
+    monkeypatch.setattr(far_causes, "_fit", watched)
+    monkeypatch.setattr(far_causes, "_CLEARLY", clearly)
+    zeros = [h for h in search.open if h.effect == "zero"]
+    found, untried = far_causes._screened(search, zeros, lambda _: None, Budget())
+    assert [h.name for h in found] == ["zero@all"] and not untried
+    assert tried[0] == "zero@all" and (set(tried) == {h.name for h in zeros}) is (clearly == np.inf)
 
 
 def test_what_there_was_no_time_for_is_told(search: Search, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -32,8 +32,8 @@ class Problem:
     by a robust fit, None for 1; `copies`: groups of rows that are the same to the last digit, of which the first alone
     is measured; `left_out`: channels of what was measured once that are not used; `method` of all predictions;
     `side_sigma` (N, A): of the drives' travel, or of commanded forces, where the side of approach is unknown, None for
-    0; `poses`: nominal ones,
-    those that are known of the same rows, else found where they are asked for; `datum`: what is held, and moves along.
+    0; `poses`: nominal ones, those that are known of the same rows, else found where they are asked for; `datum`: what
+    is held, and moves along.
     """
 
     model: Model

@@ -146,18 +146,18 @@ def _screened(
 ) -> tuple[dict[Hypothesis, Fit], tuple[str, ...]]:
     """One fit of some rows with each candidate, where it explains about as much as a far-off cause does.
 
-    Those first that explain most linearly, until one explains all and others much less. And the names of those for
-    which there was no time.
+    Not those that linearly leave clearly more than one with no more numbers that explains all. And the names of those
+    for which there was no time.
     """
     rows = np.unique(np.linspace(0, len(search.problem) - 1, min(_ROWS, len(search.problem))).astype(np.intp))
     some = replace(search, problem=search.problem.take(rows))
     gross = bool(implausible_residuals(search.problem, search.fit))
     most = _WORTH * _misfit(search, search.fit, some.problem.count / search.problem.count)
     out: dict[Hypothesis, Fit] = {}
-    every, explaining = _starts(some, candidates, gross), list[_Start]()
+    every, most_left = _starts(some, candidates, gross), np.inf
     for k, start in enumerate(every):
         observe(Stage("far-off causes", k, len(every)))
-        if any(other.excludes(start) for other in explaining):
+        if start.left > most_left:
             continue
         try:
             fits = [_fit(some, start.hypothesis, values, _STEPS, budget) for values in start.values]
@@ -167,7 +167,7 @@ def _screened(
         if best is not None and _misfit(search, best) < most:
             out[start.hypothesis] = best
             if best.chi2_per_dof <= _TIMES and furthest(search, best) <= OUT:
-                explaining.append(start)
+                most_left = min(most_left, _CLEARLY * start.left)
     return out, ()
 
 
@@ -180,15 +180,11 @@ class _Start:
     values: tuple[Array, ...]
     left: float
 
-    def excludes(self, other: _Start) -> bool:
-        """Whether the other one, with no fewer numbers, leaves clearly more, if this one explains all."""
-        simpler = len(self.hypothesis.unknown) <= len(other.hypothesis.unknown)
-        return simpler and other.left > _CLEARLY * self.left
-
 
 def _starts(search: Search, candidates: Sequence[Hypothesis], gross: bool) -> list[_Start]:
-    """Where fits with candidates begin: where one explains most of the nominal machine's error; few numbers first.
+    """Where fits with candidates begin: where one explains most of the nominal machine's error.
 
+    Those with few numbers first, then those that leave least.
     gross: errors are left that are large beside the machine: there a sign reversed too, if it predicts anything.
     """
     nominal, out = search.start, []

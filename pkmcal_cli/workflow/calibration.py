@@ -206,9 +206,10 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
         fit = robust_fit.robust.fit
         s = replace(s, problem=s.problem.without(fit.failed))
         if s.apart is None:
-            believed = s.request.accept or not (hints or implausible(s.problem, robust_fit))
             scheme, used = s.request.holdout, s.request.fit_options
-            held = held_out(s.problem, s.measured, robust_fit, scheme, used, observe, believed=believed)
+            asked = s.request.accept or scheme is not None
+            useful = asked or not (hints or implausible(s.problem, robust_fit))
+            held = held_out(s.problem, s.measured, robust_fit, scheme, used, observe, useful=useful)
         else:
             held = validated(s.loaded, s.problem, fit, s.apart)
     doubts = noise_doubts(s.problem, fit, s.measured, to)

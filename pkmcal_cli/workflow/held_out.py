@@ -39,11 +39,11 @@ def held_out(
     options: FitOptions,
     observe: Observer,
     *,
-    believed: bool,
+    useful: bool,
 ) -> HeldOut | str:
     """Figures on rows of the table itself, or why there are none. Raises UsageError.
 
-    believed: whether the fit can be; else nobody uses it, and each fold would search as long as it did.
+    useful: whether they were asked for, or the fit can be believed; else each fold would search as long as it did.
     """
     fit = calibration.robust.fit
     if scheme == "none":
@@ -55,7 +55,7 @@ def held_out(
     if scheme is None and not enough_values(problem, fit.selected):
         values, parameters = count(problem.count, "measured value"), count(len(fit.selected), "parameter")
         return f"{values} for {parameters}: fewer than 3 values per parameter"
-    if scheme is None and not believed:
+    if not useful:
         return f"the fit is implausible; `--holdout {_FOLDS}` computes it all the same"
     try:
         labels, words = fold_labels(scheme or _FOLDS, problem, measured)
