@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.gross_errors.drive_zeros import explain_zeros
 from tests.command import MACHINES, clean, run
 
 pytestmark = pytest.mark.usefixtures("unsized")
@@ -100,3 +101,24 @@ def small(columns: Columns) -> None:
 def test_nothing_of_the_sort_is_told_where_it_is_not_so(change: Callable[[Columns], None], tmp_path: Path) -> None:
     done = run("check", MACHINE, changed(tmp_path, change))
     assert "at the measured poses" not in done.err
+
+
+def test_a_zero_by_which_rows_are_predicted_is_left_to_the_search(tmp_path: Path) -> None:
+    """Of the Triglide, 10 mm: the machine strains, and a fit tells the zero with its uncertainty."""
+    lines = [line for line in (MACHINES / "triglide.csv").read_text(encoding="utf-8").splitlines() if line[:1] != "#"]
+    head, *rows = csv.reader([lines[0], *lines[1::8]])
+    k, table = head.index("q1 [mm]"), tmp_path / "t.csv"
+    moved = [[*row[:k], repr(float(row[k]) + 10.0), *row[k + 1 :]] for row in rows]
+    table.write_text("\n".join(",".join(row) for row in [head, *moved]) + "\n", encoding="utf-8")
+    assert "at the measured poses" not in run("check", MACHINES / "triglide.yaml", table).err
+
+
+def test_what_neither_a_zero_nor_steps_explain_is_not_told() -> None:
+    """Readings of other rows, 20 poses; beside a drive with a zero, which is told."""
+    rng = np.random.default_rng(2)
+    expected = rng.uniform(0.1, 0.3, (20, 2))
+    readings = np.column_stack([rng.permutation(expected[:, 0]), expected[:, 1] + 0.05])
+    found = explain_zeros(readings, expected, ("q1", "q2"), ("mm", "mm"))
+    assert [h.names for h in found.hints] == [("q2",)]
+    assert found.corrected[:, 0] == pytest.approx(readings[:, 0], rel=0, abs=0)
+    assert found.corrected[:, 1] == pytest.approx(expected[:, 1], abs=1e-12)

@@ -14,7 +14,7 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.patience import COMPARED, Patience
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import linearise
+from pkmcal_cli.calibration.residual import evaluate, linearise
 from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.diagnosis import refits, search
 from pkmcal_cli.diagnosis.run_diagnosis import diagnose
@@ -67,6 +67,16 @@ def test_a_fit_that_is_compared_and_begins_near_an_earlier_one_needs_no_lead(mon
     assert again.chi2 == pytest.approx(first.chi2, abs=1e-3 * first.chi2 / problem.count)
     identify(problem, selected, states=first.before.start)
     assert led
+
+
+def test_where_a_fit_ended_is_predicted_as_the_drives_read() -> None:
+    """Spools have errors, which the fit estimates; what is told of the rows is without them."""
+    problem, _ = measured("2021-12-16")
+    fit = identify(problem, select(problem.model, "auto"))
+    assert fit.last.shift.any() and not fit.after.shift.any()
+    plain = evaluate(problem, fit.values)
+    assert fit.after.residual == pytest.approx(plain.residual, abs=1e-9, nan_ok=True)
+    assert np.nanmax(np.abs(fit.last.residual - plain.residual)) > 1e-3
 
 
 @pytest.mark.parametrize(("hopeless", "given_up"), [(np.inf, False), (1e30, False), (1.0, True)])
