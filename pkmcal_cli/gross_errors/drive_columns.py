@@ -1,11 +1,11 @@
-"""Mistakes in the columns of drives, found by predicting again with columns exchanged, turned or scaled.
+"""Mistakes in the columns of drives, found by predicting again with columns exchanged, turned, scaled or a row late.
 
 This asks no pose of the measurement, only some readings. All changes of a kind are predicted at once, of a few rows.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, islice
 
@@ -19,12 +19,15 @@ from pkmcal_cli.gross_errors.plausibility import (
     EXPLAINED,
     Hint,
     Kind,
+    MovedReadings,
     Right,
     factors_of,
     misfit,
     times,
     unit_words,
 )
+from pkmcal_cli.gross_errors.row_shift import IntArray, shift_words, shifted
+from pkmcal_cli.gross_errors.sample import Sample
 from pkmcal_cli.prediction import Request, frozen, joined_rows, predict
 from pkmcal_cli.units.measurands import Measurand
 from pkmcal_cli.units.unit_text import Unit, parse_unit
@@ -36,23 +39,22 @@ _SOLVED = 0.8  # share of the rows that a change must let be predicted
 
 @dataclass(frozen=True)
 class _Change:
-    """Columns (A,) from which drives are taken, and the factors (A,)."""
+    """Columns (A,) from which drives are taken, the factors (A,), and from how many rows further on those concerned."""
 
     kind: Kind
     columns: tuple[int, ...]  # concerned
     source: Array
     factor: Array
+    shift: int = 0
 
 
-def explain_by_prediction(
-    problem: Problem, values: Array, seen: Callable[[Array, Array], Array]
-) -> tuple[list[Hint], float]:
+def explain_by_prediction(sample: Sample, values: Array, sessions: IntArray) -> tuple[list[Hint], float]:
     """Changes of the drives' columns that explain the readings, each by itself, as hints; misfit as it stands.
 
-    seen: readings as they compare with predictions, both (n, C).
+    sessions (N,): of the rows of the whole table.
     """
-    few = np.linspace(0, len(problem) - 1, min(_ROWS, len(problem))).round().astype(int)
-    part = problem.take(few)
+    few = np.linspace(0, len(sample.part) - 1, min(_ROWS, len(sample.part))).round().astype(int)
+    part, logged = sample.part.take(few), _Log(sample.whole.rows.readings, sample.rows[few], sessions)
     readings = np.where(part.measured, part.readings, np.nan)
     read_only = part.model.measuring(Measurand.DRIVE)  # drives that are read only
     forces = np.array([c.measurand is Measurand.FORCE for c in part.model.channels])
@@ -66,24 +68,43 @@ def explain_by_prediction(
         moved[:, read_only] = np.where(
             part.measured[:, read_only], drives[:, [part.model.channels[k].index for k in read_only]], np.nan
         )
-        compared = np.where(forces, np.nan, seen(moved, predicted))
+        compared = np.where(forces, np.nan, sample.seen(moved, predicted))
         return misfit(compared, predicted, compared)
 
-    columns = np.arange(len(problem.model.actuators))
+    columns = np.arange(len(part.model.actuators))
     none = _Change("moved", (), columns, np.ones(len(columns)))
-    before = next(left(*p) for p in _predicted(part, values, [none]))
-    for kind in ("rotated", "swapped", "sign", "unit"):
-        changes = list(islice(_changes(problem, kind), _MOST))
-        tried = zip((left(*p) for p in _predicted(part, values, changes)), changes, strict=True)
+    before = next(left(*p) for p in _predicted(part, logged, values, [none]))
+    for kind in ("rotated", "swapped", "sign", "unit", "rows"):
+        changes = list(islice(_changes(part, kind), _MOST))
+        tried = zip((left(*p) for p in _predicted(part, logged, values, changes)), changes, strict=True)
         good = [(after, change) for after, change in tried if after <= min(EXPLAINED, BETTER * before)]
         if good:
             good.sort(key=lambda each: each[0])
-            return [_hint(problem, change, before, after) for after, change in good], before
+            return [_hint(part, change, before, after, sessions) for after, change in good], before
     return [], before
 
 
+@dataclass(frozen=True)
+class _Log:
+    """Drive readings (N, A) of a table with its sessions (N,), and the numbers (n,) of the rows that are predicted."""
+
+    readings: Array
+    rows: IntArray
+    sessions: IntArray
+
+    def after(self, change: _Change) -> tuple[Array, NDArray[np.bool_]]:
+        """Readings (n, A) after a change, and where (n,) there are such."""
+        readings = self.readings.copy()
+        if change.shift:
+            concerned = list(change.columns)
+            readings[:, concerned] = shifted(readings[:, concerned], self.sessions, change.shift)
+        changed, before = readings[self.rows][:, change.source.astype(int)] * change.factor, self.readings[self.rows]
+        lost = np.isnan(changed) & ~np.isnan(before)
+        return np.where(lost, before, changed), ~lost.any(axis=1)
+
+
 def _predicted(
-    part: Problem, values: Array, changes: Sequence[_Change]
+    part: Problem, logged: _Log, values: Array, changes: Sequence[_Change]
 ) -> Iterator[tuple[Array, Array, NDArray[np.bool_]]]:
     """Drive readings (n, A) after each change, predictions (n, C), nan where there are none, and where there are (n,).
 
@@ -91,13 +112,13 @@ def _predicted(
     """
     if not changes:
         return
-    drives = [part.rows.readings[:, change.source.astype(int)] * change.factor for change in changes]
-    rows = joined_rows([replace(part.rows, readings=q) for q in drives])
+    drives = [logged.after(change) for change in changes]
+    rows = joined_rows([replace(part.rows, readings=q) for q, _ in drives])
     prediction = predict(frozen(part.model, part.rows), values, rows, Request(compare=False))
     predicted = np.where(prediction.solved[:, None], prediction.values, np.nan)
-    for k, readings in enumerate(drives):
+    for k, (readings, there) in enumerate(drives):
         chunk = slice(k * len(part), (k + 1) * len(part))
-        yield readings, predicted[chunk], prediction.solved[chunk]
+        yield readings, np.where(there[:, None], predicted[chunk], np.nan), prediction.solved[chunk] & there
 
 
 def _changes(problem: Problem, kind: str) -> Iterator[_Change]:
@@ -117,6 +138,9 @@ def _changes(problem: Problem, kind: str) -> Iterator[_Change]:
                 source = plain.copy()
                 source[[i, j]] = [j, i]
                 yield _Change("swapped", (i, j), source, ones)
+        if kind == "rows":
+            for a in group:
+                yield from (_Change("rows", (a,), plain, ones, shift) for shift in (1, -1))
         unit = parse_unit(actuators[group[0]].unit)
         factors = {"sign": (-1.0,), "unit": factors_of(unit)}.get(kind, ())
         for some in dict.fromkeys((tuple(group), *((a,) for a in group))):
@@ -126,7 +150,7 @@ def _changes(problem: Problem, kind: str) -> Iterator[_Change]:
                 yield _Change("sign" if kind == "sign" else "unit", some, plain, factor)
 
 
-def _hint(problem: Problem, change: _Change, before: float, after: float) -> Hint:
+def _hint(problem: Problem, change: _Change, before: float, after: float, sessions: IntArray) -> Hint:
     actuators = problem.model.actuators
     names = tuple(actuators[a].name for a in change.columns)
     quoted = " and ".join(f"`{n}`" for n in names) if len(names) < 3 else ", ".join(f"`{n}`" for n in names)
@@ -139,9 +163,14 @@ def _hint(problem: Problem, change: _Change, before: float, after: float) -> Hin
         )
     was = f"{100 * before:.3g} % before" if np.isfinite(before) else "most rows out of reach before"
     message += f": after correction, {100 * after:.2g} % of the variation of the readings is unexplained ({was})"
-    sources = [(a, int(change.source[a])) for a in change.columns]
-    right = tuple(Right(actuators[a].name, actuators[s].name, float(change.factor[a])) for a, s in sources)
-    return Hint(kind=change.kind, names=names, message=message, before=before, after=after, columns=right)
+    right, moved = tuple[Right, ...](), tuple[MovedReadings, ...]()
+    if change.shift:
+        first = np.unique(sessions, return_index=True)[1].tolist()
+        moved = tuple(MovedReadings(names, change.shift, row, abs(change.shift)) for row in first)
+    else:
+        sources = [(a, int(change.source[a])) for a in change.columns]
+        right = tuple(Right(actuators[a].name, actuators[s].name, float(change.factor[a])) for a, s in sources)
+    return Hint(kind=change.kind, names=names, message=message, before=before, after=after, columns=right, moved=moved)
 
 
 def _look(change: _Change, count: int, unit: Unit) -> str:
@@ -149,5 +178,8 @@ def _look(change: _Change, count: int, unit: Unit) -> str:
     if change.kind == "unit":
         factor = float(change.factor[change.columns[0]])
         return f"{look} {times(factor)}{unit_words(unit, factor)}"
+    if change.shift:
+        by, other = shift_words(change.shift)
+        return f"{look} shifted by {by} (each row with the reading of the {other})"
     words = {"rotated": "shifted by one column", "swapped": "swapped", "sign": "reversed in sign"}
     return f"{look} {words[change.kind]}"

@@ -22,6 +22,7 @@ from pkmcal_cli.gross_errors.column_faults import explain_columns
 from pkmcal_cli.gross_errors.drive_columns import explain_by_prediction
 from pkmcal_cli.gross_errors.drive_zeros import explain_zeros
 from pkmcal_cli.gross_errors.force_columns import explain_forces
+from pkmcal_cli.gross_errors.late_drives import explain_late_drives
 from pkmcal_cli.gross_errors.mirror import brought_back, explain_frame
 from pkmcal_cli.gross_errors.other_place import explain_place
 from pkmcal_cli.gross_errors.other_reflector import explain_reflectors
@@ -140,10 +141,10 @@ def _reasons(table: _Table) -> list[Reason]:
         reasons.append(_channels(sample, False))  # a wrong unit of an angle is lost when whole turns are taken off
     much = reasons[0].before > EXPLAINED or sample.mostly_lost  # no less than what an explanation may leave
     if much and not reasons[1].complete:
-        reasons.append(_drives(sample))
+        reasons += _drives(table)
         unplaced = sample.of_unknown_frames or np.isinf(reasons[-1].before)  # drives cannot be judged by poses
         if unplaced and not any(r.complete and not _of_drives(problem, r) for r in reasons):
-            hints, before = explain_by_prediction(sample.part, values, sample.seen)
+            hints, before = explain_by_prediction(sample, values, table.sessions)
             reasons += [Reason((h,), before, h.after) for h in hints]
     explained = any(r.complete and not sample.still_gross(r.hints) for r in reasons)
     return reasons if explained else [*reasons, *(Reason(*e(sample)) for e in (explain_place, explain_reflectors))]
@@ -167,8 +168,7 @@ def _chosen(reasons: list[Reason]) -> tuple[Hint, ...]:
     first, *others = sorted((r.hints for r in good if len(r.hints) == fewest), key=lambda h: h[0].kind != "rotated")
     explained = {(h.kind, h.names) for h in first}
     others = [o for o in others if not explained & {(h.kind, h.names) for h in o}]
-    alternatives = [replace(h, message=f"alternatively, {h.message}", columns=(), places=()) for o in others for h in o]
-    return (*first, *alternatives)
+    return (*first, *(h.unmended("alternatively, ") for o in others for h in o))
 
 
 def _channels(sample: Sample, rotated: bool) -> Reason:
@@ -202,17 +202,21 @@ def _named(sample: Sample) -> tuple[list[str], list[str]]:
     return [c.name for c in channels], [c.unit for c in channels]
 
 
-def _drives(sample: Sample) -> Reason:
+def _drives(table: _Table) -> list[Reason]:
     """What explains the drives, by the positions that they have at the measured poses."""
+    sample, values = table.sample, table.values
     few = np.linspace(0, len(sample.rows) - 1, min(_POSES, len(sample.rows))).round().astype(int)
-    part, values, model = sample.part.take(few), sample.evaluation.values, sample.part.model
-    measured = measured_poses(part, values)
+    measured, model = measured_poses(sample.part.take(few), values), sample.part.model
     if len(measured.rows) < _FEWEST:
-        return Reason((), np.inf, np.inf)
-    expected, readings = measured.drive_readings(values), part.rows.readings[measured.rows]
-    table = (readings, expected, model.drive_names, [a.unit for a in model.actuators])
-    explanation = explain_columns(*table)
-    if not explanation.hints and sample.mostly_lost:
-        explanation = explain_zeros(*table)
-    both = (readings, explanation.corrected)
-    return Reason(explanation.hints, *(misfit(q, expected, readings) for q in both))
+        return [Reason((), np.inf, np.inf)]
+    rows, every = sample.rows[few[measured.rows]], sample.whole.rows.readings
+    expected, readings = measured.drive_readings(values), every[rows]
+    names, units = model.drive_names, [a.unit for a in model.actuators]
+    late = explain_late_drives(
+        every, expected, rows, table.sessions, row_origin=table.row_origin, names=names, units=units
+    )
+    explanations = [late, explain_columns(readings, expected, names, units)]
+    if sample.mostly_lost and not any(e.hints for e in explanations):
+        explanations.append(explain_zeros(readings, expected, names, units))
+    before = misfit(readings, expected, readings)
+    return [Reason(e.hints, before, misfit(e.corrected, expected, readings)) for e in explanations]

@@ -85,8 +85,11 @@ class Hint:
 
     def of_some(self, rows: NDArray[np.intp], words: str) -> Hint:
         """The same of some rows (n,) of a table, which `words` tell: it says not how the whole table is put right."""
-        numbers = tuple(int(rows[k]) for k in self.rows)
-        return replace(self, message=words + self.message, rows=numbers, columns=(), places=())
+        return replace(self.unmended(words), rows=tuple(int(rows[k]) for k in self.rows))
+
+    def unmended(self, words: str) -> Hint:
+        """The same after `words`, without saying how the table is put right."""
+        return replace(self, message=words + self.message, columns=(), moved=(), places=())
 
 
 def find_limit_faults(

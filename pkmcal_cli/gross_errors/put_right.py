@@ -48,10 +48,12 @@ def _columns_right(measured: Measurements, columns: Sequence[Right]) -> Measurem
 def _rows_right(measured: Measurements, moved: Sequence[MovedReadings]) -> Measurements:
     """With readings, and what rows state of their uncertainty, in the rows where they belong."""
     for each in moved:
-        columns = [measured.channels.index(name) for name in each.names if name in measured.channels]
-        values, sigma = measured.readings.copy(), measured.sigma.copy()
-        for array in (values, sigma):
-            shift = each.shift, each.first, each.unsure
-            array[:, columns] = apply_shifts(array[:, columns], measured.session, [shift])
-        measured = replace(measured, readings=values, sigma=sigma)
+        changed: dict[str, Any] = {}
+        for values, sigmas, named in _ARRAYS[:2]:
+            columns = [k for k, name in enumerate(getattr(measured, named)) if name in each.names]
+            for name in (values, sigmas) if columns else ():
+                array = changed[name] = getattr(measured, name).copy()
+                shift = each.shift, each.first, each.unsure
+                array[:, columns] = apply_shifts(array[:, columns], measured.session, [shift])
+        measured = replace(measured, **changed)
     return measured

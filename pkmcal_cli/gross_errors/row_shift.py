@@ -114,3 +114,14 @@ def apply_shifts(readings: FloatArray, session: IntArray, shifts: Iterable[tuple
         rows = first + np.nonzero(session[first:] == session[first])[0]
         out[rows] = shifted(readings, session, shift)[rows]
     return out
+
+
+def shift_words(shift: int) -> tuple[str, str]:
+    """The words "one row" and "next row", where readings stand one row too early; so for all `SHIFTS`."""
+    other = {1: "next row", -1: "row before", 2: "row two after", -2: "row two before"}[shift]
+    return {1: "one row", 2: "two rows"}[abs(shift)], other
+
+
+def where_words(shift: RowShift, row_origin: Callable[[int], str]) -> str:
+    """The words " from FILE:7 to FILE:20" for the rows that are shifted."""
+    return f" from {row_origin(int(shift.rows[0]))} to {row_origin(int(shift.rows[-1]))}"

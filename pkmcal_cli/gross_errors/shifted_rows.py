@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.gross_errors.plausibility import Hint, MovedReadings, evidence, misfit
 from pkmcal_cli.gross_errors.reason import Reason
-from pkmcal_cli.gross_errors.row_shift import RowShift, apply_shifts, find_row_shifts
+from pkmcal_cli.gross_errors.row_shift import RowShift, apply_shifts, find_row_shifts, shift_words, where_words
 from pkmcal_cli.gross_errors.sample import Sample
 from pkmcal_cli.units.measurands import Measurand
 from pkmcal_cli.units.unit_text import parse_unit
@@ -58,14 +58,10 @@ def _shifted(sample: Sample, channels: list[int], sessions: IntArray, row_origin
     whose = "" if len(channels) == len(names) else " of " + ", ".join(f"`{names[k]}`" for k in channels)
     moved = tuple(MovedReadings(tuple(names[k] for k in channels), s.shift, s.first, s.unsure) for s in shifts)
     hints = tuple(
-        _row_hint(sample, s, whose, "" if every else _where(s, row_origin), moved if every else (m,))
+        _row_hint(sample, s, whose, "" if every else where_words(s, row_origin), moved if every else (m,))
         for s, m in zip(shown, moved, strict=False)
     )
     return Reason(hints, *(misfit(table, predicted, seen) for table in (seen, corrected)))
-
-
-def _where(shift: RowShift, row_origin: Callable[[int], str]) -> str:
-    return f" from {row_origin(int(shift.rows[0]))} to {row_origin(int(shift.rows[-1]))}"
 
 
 def _row_hint(sample: Sample, shift: RowShift, whose: str, where: str, moved: tuple[MovedReadings, ...]) -> Hint:
@@ -75,10 +71,8 @@ def _row_hint(sample: Sample, shift: RowShift, whose: str, where: str, moved: tu
         fall = np.nan_to_num(shift.before / np.maximum(shift.after, sample.prior_rms))
     k = int(fall.argmax())
     unit = parse_unit(channels[k].unit)
-    rows = {1: "one row", 2: "two rows"}[abs(shift.shift)]
-    other = {1: "next row", -1: "row before", 2: "row two after", -2: "row two before"}[shift.shift]
-    before, after = float(shift.before[k]), float(shift.after[k])
+    (by, other), before, after = shift_words(shift.shift), float(shift.before[k]), float(shift.after[k])
     words = f"{evidence(unit, before, after)} when each row takes the readings of the {other}"
-    message = f"the readings{whose} look shifted by {rows}{where}: `{channels[k].name}` {words}"
+    message = f"the readings{whose} look shifted by {by}{where}: `{channels[k].name}` {words}"
     names, rows_off = (channels[k].name,), tuple(shift.rows.tolist())
     return Hint(kind="rows", names=names, message=message, before=before, after=after, rows=rows_off, moved=moved)
