@@ -132,8 +132,10 @@ def _identified(
     task = _Task(problem=problem, scale=scale, first=first, iterations=iterations, progress=progress, patience=patience)
     near = problem.method == "exact"  # then only the end of the way is compared with other assemblies
     way = _descent(task, kept, evaluation, failed, compare=not near)
+    if patience.choosy and 2 * way.astray > len(way.kept):
+        raise RowsFailed(first)
     ropes = near and bool(problem.model.exact.ropes)  # those that are slack at the start may hold a fit back
-    if not way.holds or (ropes and chi_square(way.kept, way.end) > _SPOILT * way.kept.count):
+    if way.astray or (ropes and chi_square(way.kept, way.end) > _SPOILT * way.kept.count):
         way = _descent(task, kept, evaluation, failed, compare=True)
     stopped, steps, lost, end = way.stopped or "budget", len(way.chi2), way.failed, way.end
     if stopped == ABANDONED:
@@ -159,7 +161,7 @@ class _Task:
 class _Descent:
     """Where steps lead: the rows that are kept, those that failed, chi-square on the way, and why it stopped.
 
-    holds: whether the end is an equilibrium of least energy in each row.
+    astray: rows in which the end is no equilibrium of least energy.
     """
 
     kept: Problem
@@ -167,7 +169,7 @@ class _Descent:
     failed: Mapping[int, str]
     chi2: tuple[float, ...]
     stopped: str
-    holds: bool
+    astray: int
 
 
 def _descent(task: _Task, kept: Problem, begin: Evaluation, failed: Mapping[int, str], *, compare: bool) -> _Descent:
@@ -175,7 +177,7 @@ def _descent(task: _Task, kept: Problem, begin: Evaluation, failed: Mapping[int,
 
     Else only the end is: where rows are in others there, or have no prediction, it does not hold.
     """
-    region, stopped, holds, chi2, end = Region(), "", True, list[float](), begin
+    region, stopped, astray, chi2, end = Region(), "", 0, list[float](), begin
     while len(chi2) < task.iterations and not stopped:
         near = condensed(kept, end)
         chi2.append(near.chi2)
@@ -189,8 +191,8 @@ def _descent(task: _Task, kept: Problem, begin: Evaluation, failed: Mapping[int,
             stopped = ABANDONED if task.patience.short else stopped
         elif ended:
             again = evaluate(kept, end.values, None, end.start, end.shift)
-            holds = _holds(kept, again, end)
-            if holds:
+            astray = _astray(kept, again, end)
+            if not astray:
                 end = replace(end, prediction=replace(end.prediction, misfit=again.prediction.misfit))
             elif compare:
                 failed, stopped = {**failed, **reasons(kept, again)}, ""
@@ -198,14 +200,15 @@ def _descent(task: _Task, kept: Problem, begin: Evaluation, failed: Mapping[int,
                 kept, end = _kept(task.problem, task.first, retried, failed)
         if task.progress is not None:
             task.progress(len(chi2), near.chi2)
-    return _Descent(kept=kept, end=end, failed=failed, chi2=tuple(chi2), stopped=stopped, holds=holds)
+    return _Descent(kept=kept, end=end, failed=failed, chi2=tuple(chi2), stopped=stopped, astray=astray)
 
 
-def _holds(problem: Problem, again: Evaluation, end: Evaluation) -> bool:
-    """Whether the end of a fit is predicted again: a state that does not hold is none, nor is one of more energy."""
-    moved = np.abs(again.residual - end.residual)[problem.measured]
-    noise = problem.sigma[problem.measured]
-    return again.solved and bool((moved <= np.maximum(_SWITCHED * noise, _ROUNDED)).all())
+def _astray(problem: Problem, again: Evaluation, end: Evaluation) -> int:
+    """In how many rows the end of a fit is not predicted again: a state that does not hold, or one of more energy."""
+    with np.errstate(invalid="ignore"):
+        holds = np.abs(again.residual - end.residual) <= np.maximum(_SWITCHED * problem.sigma, _ROUNDED)  # (N, C)
+    rows = int((problem.measured & ~holds).any(axis=1).sum())
+    return rows or int(not again.solved)
 
 
 def _flat(chi2: Sequence[float]) -> bool:

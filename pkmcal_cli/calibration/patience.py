@@ -11,7 +11,8 @@ import numpy as np
 class Patience:
     """A fit above this chi-square is given up where it needs much damping, or once it has taken so many steps.
 
-    Finite steps are for data in which a gross mistake shows: then rows that cannot be predicted are not looked for.
+    So is one, where chi2 is finite, that leads where most rows are lost, or in other assemblies. Finite steps are for
+    data in which a gross mistake shows: then rows that cannot be predicted are not looked for.
     enough: variances of the noise, as the fit leaves it; a step that promises less is the last one. 0: as near as
     rounding lets it come.
     """
@@ -24,6 +25,11 @@ class Patience:
     def short(self) -> bool:
         """Whether only a fit that ends soon is worth its time."""
         return self.steps < np.inf
+
+    @property
+    def choosy(self) -> bool:
+        """Whether a fit that leads nowhere is given up."""
+        return self.chi2 < np.inf
 
     def ends(self, chi2: float, steps: int) -> bool:
         """Whether so many steps were enough, where they have led to this chi-square."""

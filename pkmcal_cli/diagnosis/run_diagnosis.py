@@ -11,14 +11,12 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import reasons
 from pkmcal_cli.calibration.robust import Loss, RobustFit, normal_figures
-from pkmcal_cli.diagnosis.all_in_time import as_unknown, beside, in_time, without_imitations
-from pkmcal_cli.diagnosis.alpha import Alpha
+from pkmcal_cli.diagnosis.all_in_time import without_imitations
 from pkmcal_cli.diagnosis.bad_rows import (
     cleared,
     left_out_readings,
     restored,
     suspected_rows,
-    with_rows,
     without_gross_rows,
 )
 from pkmcal_cli.diagnosis.exchanges import swapped
@@ -26,13 +24,11 @@ from pkmcal_cli.diagnosis.far_causes import with_far_causes
 from pkmcal_cli.diagnosis.findings import Finding, findings_of, sizes_seen
 from pkmcal_cli.diagnosis.first_fit import calibrated
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
-from pkmcal_cli.diagnosis.local import local_effects
-from pkmcal_cli.diagnosis.model_discrepancy import discrepancy_columns
+from pkmcal_cli.diagnosis.left_over import left_over
 from pkmcal_cli.diagnosis.nameless import with_all_in_one, with_shape
-from pkmcal_cli.diagnosis.noise_growth import NoiseGrowth, noise_growth, weighted
+from pkmcal_cli.diagnosis.noise_growth import NoiseGrowth, weighted
 from pkmcal_cli.diagnosis.noise_tests import chance_of_noise
 from pkmcal_cli.diagnosis.refine import confirmed_only, rivals_of
-from pkmcal_cli.diagnosis.refuted import refuted_causes
 from pkmcal_cli.diagnosis.robust_weights import ROUNDS, weighed
 from pkmcal_cli.diagnosis.same_as import same_as_parameters
 from pkmcal_cli.diagnosis.scale import Scale
@@ -41,10 +37,10 @@ from pkmcal_cli.diagnosis.search import run_search
 from pkmcal_cli.diagnosis.search_options import SearchOptions
 from pkmcal_cli.diagnosis.shape_findings import ShapeFinding, nameless_at, shape_findings
 from pkmcal_cli.diagnosis.shown_kind import ShownKind, shown_kind
-from pkmcal_cli.diagnosis.unknown import TESTS, Unknown, unknown_effects
-from pkmcal_cli.diagnosis.unmodelled import unmodelled_alternatives
+from pkmcal_cli.diagnosis.unknown import Unknown
 from pkmcal_cli.diagnosis.verdict import Verdict, verdict_of
 from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes
+from pkmcal_cli.diagnosis.wrong_numbers import WrongNumber, wrong_numbers
 from pkmcal_cli.prediction import WarmStart, fixed_smoothing
 
 _SHAPES = 2  # displacements without a name, at most
@@ -100,6 +96,11 @@ class Diagnosis:
     def invisible(self) -> tuple[VisibleSizes, ...]:
         """Hypotheses that these data cannot show."""
         return tuple(d for d in self.detectable if not d.tested)
+
+    @cached_property
+    def wrong_numbers(self) -> tuple[WrongNumber, ...]:
+        """Numbers that the machine file states, and that explain the table as well by themselves."""
+        return wrong_numbers(self.search, self.problem, self.cleared)
 
     @property
     def failed(self) -> dict[int, str]:
@@ -166,7 +167,7 @@ def _diagnosis(
     parts, first, search = options.parts, begun.first, _ended(begun, options)
     candidates = search.candidates
     options.observe(Stage("remaining residuals"))
-    last, unknown, growth = _left(search, parts)
+    last, unknown, growth = left_over(search, parts)
     shapes = shape_findings(search, last)
     unknown = (*(s.unknown for s in shapes if s.named is None), *unknown)
     findings = findings_of(search, last, bool(unknown), options)
@@ -260,40 +261,9 @@ def _with_shapes(search: Search, options: SearchOptions) -> Search:
     """The search with displacements without a name, and effects that are found beside them."""
     while len(search.shapes) < _SHAPES:
         options.observe(Stage("what has no name"))
-        last, unknown, _ = _left(search, options.parts)
+        last, unknown, _ = left_over(search, options.parts)
         after = with_shape(search, last) if unknown or search.near else None
         if after is None:
             return search
         search = confirmed_only(restored(swapped(run_search(after, options))))
     return search
-
-
-_Left = tuple[Scored, tuple[Unknown, ...], tuple[NoiseGrowth, ...]]
-
-
-def _left(search: Search, parts: Alpha) -> _Left:
-    """All hypotheses scored at the end of a search, what is unknown then, and noise that grows."""
-    of = (search.candidates, search.problem, search.fit, search.accepted, search.shapes, search.vetoed)
-    return search.known.once(of, ("left", parts), lambda: _unexplained_rest(search, parts))
-
-
-def _unexplained_rest(search: Search, parts: Alpha) -> _Left:
-    last, least = score_all(search, search.open), parts.groups / TESTS
-    unknown = _unknown(search, last, parts)
-    alone = in_time(search, last, unknown)
-    if alone is not None:
-        unknown = [as_unknown(alone), *_unknown(search, beside(last, search.problem, alone), parts)]
-    growth = noise_growth(last.linear, search.problem, last.scale, least)
-    every = weighted(with_rows(search.problem, list(search.bad_rows)), growth)  # else its far end is a local effect
-    unknown += local_effects(every, search.fit.values, least, search.fit.after.start)
-    return last, tuple(unknown + unmodelled_alternatives(search, last, alone) + refuted_causes(search, last)), growth
-
-
-def _unknown(search: Search, last: Scored, parts: Alpha) -> list[Unknown]:
-    """What is unknown, unless a richer shape of what was found explains it; `last`: scored at the end of the search."""
-    unknown = unknown_effects(last.linear, search.problem, last.scale, parts.groups, search.bad_rows)
-    if not unknown or not search.accepted:
-        return unknown
-    extra = discrepancy_columns(search.problem, search.fit, search.accepted, search.known)
-    shaped = last.linear.besides(last.linear.whitened(extra))
-    return unknown_effects(shaped, search.problem, last.scale, parts.groups, search.bad_rows)

@@ -8,7 +8,7 @@ respect to c only, and dz/dxi = dz/dc dc/dxi: a new kind of parameter or effect 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +23,18 @@ class Formula:
 
     names: tuple[str, ...]
     function: Callable[[Mapping[str, complex]], complex]
+
+
+@dataclass(frozen=True)
+class _Shifted:
+    """A constant that a parameter shifts, with a factor."""
+
+    constant: float
+    factor: float
+    name: str
+
+    def __call__(self, parameters: Mapping[str, complex]) -> complex:
+        return self.constant + self.factor * parameters[self.name]
 
 
 @dataclass(frozen=True)
@@ -51,3 +63,8 @@ class CoefficientTable:
                     out[index, column[name]] = np.imag(formula.function(stepped)) / _STEP
                     stepped[name] = parameters[name]
         return out
+
+    def shifted(self, name: str, shifts: Sequence[tuple[int, float]]) -> CoefficientTable:
+        """The table in which a parameter shifts constants: their numbers, with factors."""
+        more = [(k, Formula((name,), _Shifted(float(self.constants[k]), factor, name))) for k, factor in shifts]
+        return replace(self, formulas=(*self.formulas, *more))

@@ -68,6 +68,7 @@ class DiagnosisReport(VisibilityReport):
         for unknown in self.diagnosis.unmodelled:
             to.say()
             to.say(self.unknown_text(unknown))
+        self.numbers.show(to)
         if self.diagnosis.verdict in ("clean", "sigma_too_small"):
             self.show_seen(to)
         self.show_unseen(to)
@@ -104,7 +105,7 @@ class DiagnosisReport(VisibilityReport):
         }
         residuals = ResidualText(diagnosis, self.sigma, self.error_unit).text
         verdict = f"{words[diagnosis.verdict]}{self._mistakes()}{tested_alone(self.only)}{self._run_off()}"
-        return f"diagnosis: {self._provisional()}{verdict}\n{residuals}"
+        return f"diagnosis: {self._provisional()}{verdict}{self.numbers.suspicion()}\n{residuals}"
 
     def _mistakes(self) -> str:
         """What of the table was put right, without the evidence."""

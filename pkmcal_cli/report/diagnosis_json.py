@@ -46,6 +46,7 @@ class DiagnosisJson(DiagnosisValues):
             "down_weighted": [] if self.audit is None else self.audit.json(),
             **self.failed.json(),
             "unknown": [self._unknown_json(u) for u in diagnosis.unknown],
+            "wrong_numbers": self.numbers.json(),
             "unexplained": [
                 ShapeText(self.machine, self.shaped_model, s, self.error_unit).json() for s in diagnosis.shapes
             ],

@@ -22,6 +22,7 @@ from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.failed_rows import FailedRows
 from pkmcal_cli.report.figures import unit_of
 from pkmcal_cli.report.number_format import handy, readable, uncertain
+from pkmcal_cli.report.number_text import NumberText
 from pkmcal_cli.report.sentences import listed
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.units.unit_text import Unit, parse_unit
@@ -54,6 +55,11 @@ class DiagnosisValues:
         """Values that a robust loss weighs down; None without one."""
         robust = self.diagnosis.weighed
         return None if robust is None else Audit(self.model, robust, partial(origin_of, self.measured))
+
+    @cached_property
+    def numbers(self) -> NumberText:
+        """Numbers of the machine file that may be wrong."""
+        return NumberText(self.diagnosis.wrong_numbers, self.machine.file_units)
 
     @property
     def bad_readings(self) -> tuple[BenchText, ...]:

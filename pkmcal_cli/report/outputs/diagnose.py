@@ -116,6 +116,13 @@ unknown[].largest.z number: in space
 unknown[].largest.size number?: size at that position, in `unit`
 unknown[].largest.unit text:
 unknown[].largest.explained number?: share of the variance that the map explains on held-out cells
+wrong_numbers[].places[] text: where a number stands in the machine file that no parameter changes, as `POINT.x` or
+    `ROD.length`; by itself it explains the table at least as well as what was found; the most evident first
+wrong_numbers[].nominal number: as the file has it, in `unit`
+wrong_numbers[].value number: as the table has it
+wrong_numbers[].std number: standard uncertainty of `value`
+wrong_numbers[].unit text:
+wrong_numbers[].chi2_per_dof number: of the fit with it
 unexplained[].name text: a displacement with a free shape, `unexplained@PLACE`; those without an `effect` are the first
     ones of `unknown`, whose `hint` is this name
 unexplained[].effect text?: the effect of the catalogue whose shape it is for the most part; null: it has no name
