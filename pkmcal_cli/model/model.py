@@ -60,7 +60,7 @@ class Model:
     effects: tuple[PlacedEffect, ...] = ()
     fitted_frames: frozenset[str] = frozenset()  # sensors that stand anywhere
     fingerprint: Fingerprint = field(default_factory=Fingerprint)  # of the machine that was read
-    mark: bytes = field(init=False, compare=False, repr=False, default_factory=partial(os.urandom, 16))  # also of copies
+    mark: bytes = field(init=False, compare=False, repr=False, default_factory=partial(os.urandom, 16))  # of copies too
 
     @cached_property
     def names(self) -> tuple[str, ...]:
