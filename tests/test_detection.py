@@ -251,6 +251,18 @@ def test_what_dimensions_take_up_has_no_smallest_size(tmp_path: Path) -> None:
     assert told and all(line.split()[1] == "never" for line in told)
 
 
+def test_what_only_ranges_would_tell_has_no_smallest_size(tmp_path: Path) -> None:
+    """48 rows leave a direction of the dimensions to its ranges, by which constants of both drives, which two of these
+    take up, were said to be detected from 0.52 mm on; ranges give way to it, and 0.6 mm are clean."""
+    machine = str(MACHINES / "triglide-nonredundant.yaml")
+    done = clean(run("plan", machine, "--grid", "x=100:850:8,y=200:370:6", "--json"))
+    told = {f"{e['effect']}@{e['at']}": e for e in done.json["effects"]}
+    assert set(told["zero@all"]["absorbed_by"]) == {"xb1r", "xb2r"} and told["zero@all"]["status"] == "invisible"
+    assert told["zero@all"]["mdb"] is None and told["zero@all"]["detected"] is None
+    table = with_constants(tmp_path / "t.csv", "triglide-nonredundant", {"q1": 0.6, "q2": 0.6}, 48, seed=1)
+    assert clean(run("diagnose", machine, table, "--json")).json["effects"] == []
+
+
 def test_acceptance_by_counts_is_that_by_each_campaign() -> None:
     """Weighed by the distance of every single one: a normal curve of 0.15 standard uncertainties, and never falling."""
     rng = np.random.default_rng(2)

@@ -54,14 +54,15 @@ class _Squares:
     scale: float
 
     def score(self, level: Array) -> float:
-        """How far squares grow with a level (n,), in standard deviations of squares that do not.
+        """How far sizes of residuals grow with a level (n,), in standard deviations of sizes that do not.
 
-        Of squares as they scatter, normal or not (Koenker 1981 on Breusch and Pagan 1979).
+        Of sizes as they scatter, normal or not (Glejser 1969, studentised as by Koenker 1981): squares, which scatter
+        most where noise is largest, show much less of a growth that is large.
         """
-        squares = np.minimum(self.values, _LARGEST)
-        level = np.repeat((level - level.mean())[:, None], squares.shape[1], axis=1)
-        spread = float(np.sqrt((level**2).sum() * squares.var()))
-        return float((level * squares).sum()) / spread if spread > 0 else 0.0
+        sizes = np.sqrt(np.minimum(self.values, _LARGEST))
+        level = np.repeat((level - level.mean())[:, None], sizes.shape[1], axis=1)
+        spread = float(np.sqrt((level**2).sum() * sizes.var()))
+        return float((level * sizes).sum()) / spread if spread > 0 else 0.0
 
 
 def noise_growth(linear: Linear, problem: Problem, scale: Scale, alpha: float) -> tuple[NoiseGrowth, ...]:

@@ -19,6 +19,7 @@ _KEPT = 0.01  # share of its length below which a hypothesis is absorbed by decl
 _SHARE = 0.2  # of the largest, from which on a parameter is told that absorbs
 _MOST = 4  # of these
 _ACTS = 1e-4  # square of what a number of its plausible size moves, in standard uncertainties
+_GIVES_WAY = 3.0  # ranges, from which on dimensions that are further off widen the ranges of others
 _ALIKE = 1e-6  # by which what rounding tells apart is the same
 
 
@@ -86,11 +87,11 @@ class VisibleSizes:
 
 def visible_sizes(detection: Detection, procedure: Procedure) -> tuple[VisibleSizes, ...]:
     """Of all its hypotheses; noise as large as it is estimated."""
-    noise = float(np.sqrt(procedure.scale.variance))
-    return tuple(_sizes(detection, k, procedure, noise) for k in range(len(detection.hypotheses)))
+    noise, span = float(np.sqrt(procedure.scale.variance)), _span(detection.linear)
+    return tuple(_sizes(detection, k, procedure, noise, span) for k in range(len(detection.hypotheses)))
 
 
-def _sizes(detection: Detection, k: int, procedure: Procedure, noise: float) -> VisibleSizes:
+def _sizes(detection: Detection, k: int, procedure: Procedure, noise: float, span: Array) -> VisibleSizes:
     hypothesis, score = detection.hypotheses[k], detection.scores[k]
     acts = score.length2 > _ACTS  # not so what is no part of the effect, or only shapes what the others do, as a lag
     acting = [j for j in range(len(acts)) if acts[j]] or [score.leading]
@@ -98,8 +99,14 @@ def _sizes(detection: Detection, k: int, procedure: Procedure, noise: float) -> 
     def along(direction: Array) -> SizeAlong:
         mdb = noise * minimal_detectable(float(direction @ score.whole @ direction))
         absorbed = absorbing(detection.linear, hypothesis, direction)
-        if absorbed and not score.count:  # never tested: what is left of it would name errors of these parameters
-            mdb = float("inf")
+        if not absorbed and _same(detection.linear, hypothesis, direction, span):
+            follow = _followers(detection.linear, hypothesis, direction)
+            absorbed = _takers(detection.linear, follow) if np.abs(follow).max() * mdb > _GIVES_WAY * PLAUSIBLE else ()
+            never = bool(absorbed)  # only ranges would tell it, and those are widened
+        else:
+            never = bool(absorbed) and not score.count  # what is left of it would name errors of these parameters
+        if never:
+            return SizeAlong(direction, float("inf"), partial(float, "inf"), absorbed)
         return SizeAlong(direction, mdb, partial(_detected, detection, k, direction, procedure), absorbed)
 
     unit = np.eye(len(hypothesis.parameters))
@@ -136,13 +143,37 @@ def absorbing(linear: Linear, hypothesis: Hypothesis, direction: Array) -> tuple
 
     None where enough of it is left.
     """
-    a = linear.of(linear.projected)
-    column = linear.of(hypothesis.parameters) @ direction
-    left = linear.tested(hypothesis) @ direction
+    column, left = linear.of(hypothesis.parameters) @ direction, linear.tested(hypothesis) @ direction
     whole = float(column @ column)
-    if not a.shape[1] or not whole > 0 or not float(left @ linear.free(left)) < _KEPT**2 * whole:
+    if not linear.projected or not whole > 0 or not float(left @ linear.free(left)) < _KEPT**2 * whole:
         return ()
-    coefficients = np.linalg.lstsq(a, column, rcond=1e-9)[0]
-    size = np.abs(coefficients) * np.sqrt((a**2).sum(axis=0))
+    return _takers(linear, _followers(linear, hypothesis, direction))
+
+
+def _followers(linear: Linear, hypothesis: Hypothesis, direction: Array) -> Array:
+    """By how much declared parameters (p,) follow an effect in a direction (p,), in standard deviations of priors."""
+    column = linear.of(hypothesis.parameters) @ direction
+    return np.asarray(np.linalg.lstsq(linear.of(linear.projected), column, rcond=1e-9)[0])
+
+
+def _takers(linear: Linear, follow: Array) -> tuple[str, ...]:
+    """Names of those that move readings most, largest first."""
+    size = np.abs(follow) * np.sqrt((linear.of(linear.projected) ** 2).sum(axis=0))
     order = np.argsort(-size)[:_MOST]
     return tuple(linear.projected[j] for j in order if size[j] > _SHARE * size.max())
+
+
+def _span(linear: Linear) -> Array:
+    """Orthonormal directions (n + k, r) in which declared parameters move the values and what else is known of them."""
+    known = np.zeros((0, len(linear.names))) if linear.known is None else linear.known[1]
+    columns = np.vstack([linear.columns, known])[:, [linear.names.index(n) for n in linear.projected]]
+    vectors, size, _ = np.linalg.svd(columns, full_matrices=False)
+    return np.asarray(vectors[:, size > _ALIKE * size.max(initial=0.0)])
+
+
+def _same(linear: Linear, hypothesis: Hypothesis, direction: Array, span: Array) -> bool:
+    """Whether declared parameters move just as an effect in a direction (p,), however far off they would be."""
+    column, left = linear.of(hypothesis.parameters) @ direction, linear.tested(hypothesis) @ direction
+    left = np.append(left, np.zeros(len(span) - len(left)))
+    rest, whole = left - span @ (span.T @ left), float(column @ column)
+    return span.shape[1] > 0 and whole > 0 and float(rest @ rest) < _ALIKE**2 * whole

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -59,6 +60,7 @@ class Model:
     effects: tuple[PlacedEffect, ...] = ()
     fitted_frames: frozenset[str] = frozenset()  # sensors that stand anywhere
     fingerprint: Fingerprint = field(default_factory=Fingerprint)  # of the machine that was read
+    mark: bytes = field(init=False, compare=False, repr=False, default_factory=partial(os.urandom, 16))  # of copies too
 
     @cached_property
     def names(self) -> tuple[str, ...]:

@@ -131,14 +131,14 @@ class RopeStrains:
 class Sought:
     """At which numbers of N rows a model was asked, and compared with its other assemblies, as `marks` (N,) of them.
 
-    There it would answer the same, so nobody has to ask again.
+    There it would answer the same, so nobody has to ask again; nor a copy of it in another process.
     """
 
-    model: object
+    model: bytes  # its own mark
     marks: NDArray[np.uint64]
 
     @classmethod
-    def at(cls, model: object, coefficients: Array) -> Sought:
+    def at(cls, model: bytes, coefficients: Array) -> Sought:
         """Marks of coefficients (N, S): their bits, mixed and summed with odd weights modulo 2^64.
 
         Whatever one of them changes by shows, however small it is beside the others, and it does not matter which rows
@@ -150,7 +150,7 @@ class Sought:
 
     def answers(self, other: Sought) -> bool:
         """Whether all rows of another one are the same."""
-        return self.model is other.model and bool((self.marks == other.marks).all())
+        return self.model == other.model and bool((self.marks == other.marks).all())
 
 
 @dataclass(frozen=True)

@@ -83,7 +83,7 @@ def _solve(
 ) -> Solution:
     if method == "exact":
         numbers = system_numbers(model.exact, coefficients)
-        asked = Sought.at(model, coefficients)
+        asked = Sought.at(model.mark, coefficients)
         known = start is not None and start.sought is not None and start.sought.answers(asked)
         rows = start if start is not None and known else _equilibrium(
             model, coefficients, numbers, start, compare, effort
