@@ -19,6 +19,7 @@ from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.overruns import LEAST, overruns
 from pkmcal_cli.correction.waypoints import GAP
+from pkmcal_cli.model.limits import drive_limits
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.prediction import Rows
@@ -105,7 +106,7 @@ def _best_step(
     Of a few random directions that with most of the wanted sides, then one in which every drive moves enough, or, where
     none is, that in which the laziest drive moves most.
     """
-    count, limits = len(poses), np.array([a.limits for a in model.actuators])
+    count, limits = len(poses), drive_limits(model.actuators)
     size, held = np.where(np.arange(6) < 3, model.length, 1.0), model.independent_coordinates
     unit, every = _directions(held, _TRIES * count, rng) * size, np.tile(poses, (_TRIES, 1))
     there = np.tile(drive_positions(model, poses, held=held).readings, (_TRIES, 1))

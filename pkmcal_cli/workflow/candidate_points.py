@@ -12,6 +12,7 @@ from pkmcal_cli.calibration.problem import Problem, design_problem
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.loading.pose_channels import known_channels, planned_channels
 from pkmcal_cli.loading.workspace_poses import out_of_workspace
+from pkmcal_cli.model.limits import drive_limits
 from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.prediction import Request, Rows, predict
 from pkmcal_cli.prediction.inverse_kinematics import drive_positions
@@ -63,7 +64,7 @@ def _drawn(loaded: LoadedMachine, places: Array, size: int, rng: np.random.Gener
     low, high = places.min(axis=0), places.max(axis=0)
     wide, held = _WIDER * (high - low), model.independent_coordinates
     low, high = low - wide, high + wide
-    limits = np.array([a.limits for a in model.actuators])
+    limits = drive_limits(model.actuators)
     if workspace is not None:
         ends = np.stack(workspace.bounds)
         limited = np.isfinite(ends).all(axis=0)

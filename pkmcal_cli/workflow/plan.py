@@ -44,7 +44,7 @@ from pkmcal_cli.workflow.plan_aims import RequestedAim, fewest, requested_aim
 from pkmcal_cli.workflow.plan_picture import PlannedRows, draw_plan
 from pkmcal_cli.workflow.plan_power import power_of_plan
 from pkmcal_cli.workflow.plots import Plot, check_plot
-from pkmcal_cli.workflow.pose_set import PoseSet, default_poses, pose_set
+from pkmcal_cli.workflow.pose_set import PoseSet, pose_set
 from pkmcal_cli.workflow.schedule import ScheduleOptions, write_schedule
 from pkmcal_cli.workflow.schedule_forms import check_drives, check_form
 from pkmcal_cli.workflow.state import State, check_state
@@ -221,8 +221,7 @@ def _read(request: PlanRequest, to: Reporter) -> tuple[LoadedMachine, PoseSet]:
         raise UsageError(message, hint="leave out --aim and -o")
     if not any(p.per_session for p in loaded.model.parameters):  # else the sessions must be known first
         selection(loaded.model, request.select)
-    chosen = request.poses is None and request.grid is None and loaded.model.workspace is not None
-    poses = default_poses(to, loaded) if chosen else pose_set(to, loaded, request.poses, request.grid)
+    poses = pose_set(to, loaded, request.poses, request.grid)
     return loaded.for_sessions(poses.every.rows.named_sessions), poses
 
 
