@@ -36,7 +36,7 @@ from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.report.plan_report import PlanReport
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.workflow.alpha import check_alpha
-from pkmcal_cli.workflow.approaches import Approaches, approaches, no_approach
+from pkmcal_cli.workflow.approaches import Approaches, ApproachFrom, approaches, no_approach
 from pkmcal_cli.workflow.arguments import one_stdin, present, require_measured, selection
 from pkmcal_cli.workflow.candidate_points import candidate_points
 from pkmcal_cli.workflow.next_points import next_points
@@ -199,8 +199,9 @@ def _approached(
     stated_sides = np.zeros(rows.readings.shape) if poses.poses.sides is None else np.nan_to_num(poses.poses.sides)
     resting = with_sides(rows, model)
     places = tcp_places(model, values, resting)
+    origin = ApproachFrom.of(model, values, resting, poses.poses.touched, stated_sides)
     with to.step("how points are approached"):
-        ways = approaches(model, values, resting, places, np.random.default_rng([request.seed, 1]), stated_sides)
+        ways = approaches(model, values, resting, places, np.random.default_rng([request.seed, 1]), origin)
     if ways.refused:
         poses = poses.without(ways.refused)  # told with those that cannot be predicted
         kept = np.delete(np.arange(len(rows)), list(ways.refused))
