@@ -14,19 +14,10 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.gross_errors.plausibility import (
-    BETTER,
-    EXPLAINED,
-    Hint,
-    Kind,
-    Right,
-    factors_of,
-    misfit,
-    times,
-    unit_words,
-)
+from pkmcal_cli.gross_errors.plausibility import BETTER, EXPLAINED, Hint, Kind, Right, misfit
 from pkmcal_cli.prediction import Request, frozen, joined_rows, predict
 from pkmcal_cli.units.measurands import Measurand
+from pkmcal_cli.units.mistaken_units import factors_of, times, unit_words
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _ROWS = 16  # rows that are predicted

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.gross_errors.plausibility import factors_of, times, unit_words
 from pkmcal_cli.model.model import Model
+from pkmcal_cli.units.mistaken_units import factors_of, times, unit_words
 from pkmcal_cli.units.unit_text import parse_unit
 
 _NEAR = 0.005  # of a factor: a scale beside that of the mistake
