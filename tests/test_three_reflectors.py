@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from scipy.optimize import fsolve
 from scipy.spatial.transform import Rotation
 
 from pkmcal_cli.base.rotation import Array
-from tests.command import run
+from tests.command import Done, run
 
 BASE = np.radians([8, 112, 128, 232, 248, 352])
 TOP = np.radians([52, 68, 172, 188, 292, 308])
@@ -139,3 +140,106 @@ def test_a_reflector_in_its_place() -> None:
     assert "looks read elsewhere" not in run("check", *written(drives, seen)).err
     drives, seen = read(MARKS + np.array([0.02, 0, 0]))
     assert "looks read elsewhere" not in run("check", *written(drives, seen)).err
+
+
+def elsewhere(*moved: tuple[int, tuple[float, float, float]]) -> Array:
+    """The marks, some of them moved by millimetres."""
+    out = MARKS.copy()
+    for k, by in moved:
+        out[k] += np.array(by) * 1e-3
+    return out
+
+
+def named(done: Done) -> list[str]:
+    """Reflectors that are told to be elsewhere."""
+    assert done.err.count("error[") == done.err.count("looks read elsewhere on its body"), done.err
+    return re.findall(r"`(m\d)` looks read elsewhere on its body", done.err)
+
+
+def seen_from(frame: str, marks: Array) -> list[str]:
+    """Files of a campaign with marks, in a frame of the tracker or aligned to the machine."""
+    drives, seen = read(marks)
+    if frame == "machine":
+        seen = STAND.inv().apply(seen.reshape(-1, 3) - np.array([6.0, -3.5, 1.2])).reshape(40, 9)
+    return written(drives, seen, MACHINE.replace("frame: fitted", f"frame: {frame}"))
+
+
+@pytest.mark.parametrize("frame", ["fitted", "machine"])
+def test_reflectors_off_across_their_plane_and_two_at_once(frame: str) -> None:
+    """By the radius of a ball: distances to the others change by 1 mm; a zero of one column was told, or nothing."""
+    assert named(run("check", *seen_from(frame, elsewhere((1, (0, 0, 25.4)))))) == ["m2"]
+    assert named(run("check", *seen_from(frame, elsewhere((0, (0, 0, 25.4)), (1, (25.4, 0, 0)))))) == ["m1", "m2"]
+
+
+def test_a_diagnosis_puts_both_back() -> None:
+    done = run("diagnose", *seen_from("fitted", elsewhere((0, (0, 0, 25.4)), (1, (25.4, 0, 0)))), "--json")
+    assert [m[:4] for m in done.json["mistakes"]] == ["`m1`", "`m2`"] and done.json["effects"] == []
+    assert 0.8 < done.json["chi2_per_dof_after"] < 1.25
+
+
+@pytest.mark.parametrize("frame", ["fitted", "machine"])
+def test_no_reflector_is_named_where_all_are_moved(frame: str) -> None:
+    """As one, or each elsewhere."""
+    for marks in (MARKS + np.array([0, 0, 0.0254]), elsewhere((0, (0, 0, 25.4)), (1, (10, 0, 0)), (2, (0, 15, 0)))):
+        assert "looks read elsewhere" not in run("check", *seen_from(frame, marks)).err
+
+
+def test_what_bends_the_body_or_moves_it_wrong_names_no_reflector() -> None:
+    """Backlash of 0.1 mm, legs and cell that grow by 120 um/m, a leg whose zero is 3 mm off: 18 campaigns."""
+    for seed in range(18):
+        rng = np.random.default_rng(seed)
+        drives = rng.uniform(-0.02, 0.02, (40, 6))
+        legs, grown = 0.45 + 5e-5 * rng.normal(size=6) + drives, np.ones(40)
+        if seed % 3 == 0:
+            legs = legs + 1e-4 * np.sign(rng.normal(size=(40, 6)))
+        elif seed % 3 == 1:
+            grown = 1 + 1.2e-5 * np.linspace(0, 10, 40)
+            legs = legs * grown[:, None]
+        else:
+            legs[:, 0] += 3e-3
+        poses = [platform(row) for row in legs]
+        seen = np.array([place + turn.apply(MARKS * k) for (turn, place), k in zip(poses, grown, strict=True)])
+        seen = STAND.apply(seen.reshape(-1, 3)).reshape(40, 9) + 1e-5 * rng.normal(size=(40, 9))
+        assert "looks read elsewhere" not in run("check", *written(drives, seen)).err
+
+
+TABLE = """\
+units: {length: mm, angle: deg, force: N}
+space: spatial
+ranges: {length: 0.1}
+parameters: {sx: {nominal: 1, range: 0.0005}, sy: {nominal: 1, range: 0.0005}}
+guides: {across: {along: x}, along: {body: saddle, along: y}}
+bodies:
+  saddle: {guide: across, at: 0}
+  table: {guide: along, at: 0, points: {m1: [150, 0, 12], m2: [-80, 120, 12], m3: [-70, -130, 15]}}
+actuators: {q1: {moves: saddle, scale: sx}, q2: {moves: table, scale: sy}}
+sensors: {tracker: {at: [m1, m2, m3], reads: [x, y, z], sigma: 10 um, frame: FRAME}}
+"""
+AWAY = np.array([6, -3.5, 1.2])
+
+
+def on_table(frame: str, marks: Array) -> Done:
+    """What is said of a table that moves in a plane, with marks."""
+    rng = np.random.default_rng(3)
+    drives = rng.uniform(-0.5, 0.5, (40, 2))
+    places = np.pad(drives * (1 + 2.5e-4 * rng.normal(size=2)), ((0, 0), (0, 1)))[:, None] + marks
+    seen = STAND.apply(places.reshape(-1, 3)).reshape(places.shape) + AWAY if frame == "fitted" else places
+    Path("xy.yaml").write_text(TABLE.replace("FRAME", frame))
+    head = ",".join(["q1 [m]", "q2 [m]", *(f"m{k}.{c} [m]" for k in (1, 2, 3) for c in "xyz")])
+    columns = np.hstack([drives, seen.reshape(40, 9) + 1e-5 * rng.normal(size=(40, 9))])
+    np.savetxt("xy.csv", columns, fmt="%.9f", delimiter=",", header=head, comments="")
+    return run("check", "xy.yaml", "xy.csv")
+
+
+@pytest.mark.parametrize("frame", ["fitted", "machine"])
+def test_a_machine_that_moves_in_a_plane(frame: str) -> None:
+    """Off across the plane, where coordinates do not vary, and within it."""
+    assert named(on_table(frame, MARKS)) == []
+    for by in ((0, 0, 25.4), (25.4, 0, 0)):
+        assert named(on_table(frame, elsewhere((1, by)))) == ["m2"]
+
+
+def test_two_of_three_that_only_shift_are_named_where_the_tracker_stands_in_a_known_place() -> None:
+    """Elsewhere the one that is right may be wrong, and one of the others right: nothing tells."""
+    two = elsewhere((0, (0, 0, 25.4)), (1, (25.4, 0, 0)))
+    assert named(on_table("machine", two)) == ["m1", "m2"] and "looks read" not in on_table("fitted", two).err

@@ -13,8 +13,10 @@ WRONG = {
     "kind: touch, at: tcp, surface: bed, reading: h, sigma: 1 um": ("not a parameter", "the parameter of `zero`"),
     "kind: touch, at: tcp, surface: bed, reading: 3 N, sigma: 1 um": ("`3 N` is a force; expected a length", "`mm`"),
     "kind: touch, at: tcp, surface: bed, reading: x, sigma: 1 um": ("unknown parameter `x`", "declare it"),
-    "kind: distance, at: tcp, to: B1, reading: 0, sigma: 1 um": ("`distance` has no `reading`", "delete it"),
+    "kind: distance, at: tcp, to: B1, reading: h, sigma: 1 um": ("not a parameter", "the parameter of `zero`"),
+    "kind: angle, at: c1, to: tcp, reading: 0, sigma: 1 mrad": ("`angle` has no `reading`", "delete it"),
     "kind: span, at: tcp, reading: 0, sigma: 1 um": ("`span` has no `reading`", "delete it"),
+    "kind: touch, at: tcp, to: B1, sigma: 1 um": ("`touch` has no `to`", "kinds with `to`: `angle`, `distance`"),
 }
 
 

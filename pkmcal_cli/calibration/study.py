@@ -26,9 +26,11 @@ from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem, design_problem, usable
 from pkmcal_cli.loading.covariates import at_rest
 from pkmcal_cli.loading.nearby_poses import rows_before
+from pkmcal_cli.model.limits import drive_limits
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_channels import tcp_model
 from pkmcal_cli.model.tool_motion import DIRECTIONS
+from pkmcal_cli.model.workspace import Workspace
 from pkmcal_cli.prediction import Rows, predict
 from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 
@@ -96,8 +98,8 @@ class Region:
             made = [drive_positions(m.model, poses, held=m.held) for m in machines]
             inside = np.ones(len(poses), dtype=bool)
             for machine, inverse in zip(machines, made, strict=True):
-                space = machine.model.workspace
-                inside &= inverse.reached if space is None else space.holds(inverse.poses, inverse.readings)
+                space = machine.model.workspace or Workspace.of_drives(drive_limits(machine.model.actuators))
+                inside &= space.holds(inverse.poses, inverse.readings)
             for parts, inverse in zip(readings_of, made, strict=True):
                 parts.append(inverse.readings[inside])
             if sum(map(len, readings_of[0])) >= count:

@@ -12,6 +12,7 @@ from pkmcal_cli.compiler.coefficient_values import constant_vector, unit
 from pkmcal_cli.language.machine import Machine, axis_vector
 from pkmcal_cli.language.tool_point import REMEDY, tool_point_of
 from pkmcal_cli.language.workspace import Cylinder as CylinderKeys
+from pkmcal_cli.model.limits import drive_limits
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.parts import Actuator
 from pkmcal_cli.model.tool_motion import DIRECTIONS
@@ -29,7 +30,7 @@ def workspace_of(machine: Machine, actuators: Sequence[Actuator]) -> Workspace |
     if machine.workspace is None:
         return None
     low, high = np.full(len(DIRECTIONS), -math.inf), np.full(len(DIRECTIONS), math.inf)
-    drives = np.array([a.limits for a in actuators]).reshape(-1, 2)
+    drives = drive_limits(actuators)
     names = [a.name for a in actuators]
     for path, ends in _limits(machine):
         if path[1] == "box":

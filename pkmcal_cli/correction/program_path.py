@@ -19,6 +19,7 @@ from pkmcal_cli.correction.overruns import overruns
 from pkmcal_cli.correction.quadratic_programme import Programme, solve
 from pkmcal_cli.correction.waypoints import Stations, waypoints
 from pkmcal_cli.mechanism.topology import Index
+from pkmcal_cli.model.limits import drive_limits
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.prediction.inverse_kinematics import DrivePositions, drive_positions
@@ -129,7 +130,7 @@ def _shortest(at: DrivePositions, drives: Index, size: Array, sides: Array, over
 
 
 def _within_travel(model: Model, set_values: Array) -> NDArray[np.bool_]:
-    low, high = np.array([a.limits for a in model.actuators]).T
+    low, high = drive_limits(model.actuators).T
     return np.asarray(((set_values >= low) & (set_values <= high) | np.isnan(set_values)).all(axis=1))
 
 

@@ -73,7 +73,7 @@ MEAS_ZERO = Effect(
     where="length",
     measurement=True,
     nowhere="the zero of what touches a surface is the place of the surface, `frame`",
-    cause="The constant of {at} (length of the bar, home of the wire) is off by {size}.",
+    cause="The constant of {at} (length of the bar, home of the wire, radii of ball and tip) is off by {size}.",
     result="Every reading of {at} is shifted by the same amount.",
     action="Measure a calibrated length with {at}, or make its `zero` a parameter of the machine file.",
 )

@@ -21,13 +21,11 @@ from pkmcal_cli.gross_errors.plausibility import (
     Hint,
     Right,
     evidence,
-    factors_of,
     rms,
     spread,
-    times,
-    unit_words,
 )
 from pkmcal_cli.units.file_units import UNITS, Unit, parse_unit
+from pkmcal_cli.units.mistaken_units import factors_of, times, unit_words
 
 _RING = 3  # columns of the smallest ring; two are swapped
 

@@ -14,22 +14,12 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.gross_errors.plausibility import (
-    BETTER,
-    EXPLAINED,
-    Hint,
-    Kind,
-    MovedReadings,
-    Right,
-    factors_of,
-    misfit,
-    times,
-    unit_words,
-)
+from pkmcal_cli.gross_errors.plausibility import BETTER, EXPLAINED, Hint, Kind, MovedReadings, Right, misfit
 from pkmcal_cli.gross_errors.row_shift import IntArray, shift_words, shifted
 from pkmcal_cli.gross_errors.sample import Sample
 from pkmcal_cli.prediction import Request, frozen, joined_rows, predict
 from pkmcal_cli.units.measurands import Measurand
+from pkmcal_cli.units.mistaken_units import factors_of, times, unit_words
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _ROWS = 16  # rows that are predicted

@@ -15,20 +15,10 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.whitening import Slopes, whiten
-from pkmcal_cli.gross_errors.plausibility import (
-    BETTER,
-    FEW,
-    GROSS,
-    Hint,
-    Kind,
-    Right,
-    factors_of,
-    rms,
-    times,
-    unit_words,
-)
+from pkmcal_cli.gross_errors.plausibility import BETTER, FEW, GROSS, Hint, Kind, Right, rms
 from pkmcal_cli.gross_errors.sample import Sample
 from pkmcal_cli.units.measurands import Measurand
+from pkmcal_cli.units.mistaken_units import factors_of, times, unit_words
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _OFF = 3.0  # standard uncertainties: less is left of tables in which no column is wrong

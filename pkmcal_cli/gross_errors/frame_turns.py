@@ -8,20 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pkmcal_cli.base.rotation import exp, log, other_way_round
-from pkmcal_cli.gross_errors.plausibility import (
-    BETTER,
-    EXPLAINED,
-    FloatArray,
-    Hint,
-    Right,
-    evidence,
-    factors_of,
-    rms,
-    spread,
-    times,
-    unit_words,
-)
+from pkmcal_cli.gross_errors.plausibility import BETTER, EXPLAINED, FloatArray, Hint, Right, evidence, rms, spread
 from pkmcal_cli.units.file_units import Unit, parse_unit
+from pkmcal_cli.units.mistaken_units import factors_of, times, unit_words
 
 Turns = Sequence[Sequence[int]]
 """Columns of each rotation vector that one instrument reads: three, in the plane one."""

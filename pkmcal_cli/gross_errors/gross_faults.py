@@ -125,12 +125,20 @@ def _suspected(table: _Table) -> tuple[Hint, ...]:
         return forces  # no row says anything else
     looked_at = sample.gross and not sample.few_rows_off
     chosen = _chosen([r for r in _reasons(table) if r.hints]) if looked_at else ()
+    if not sample.few_rows_off:
+        chosen = _unless_reflectors(chosen, explain_reflectors(sample))
     if forces:  # these have seen all columns of forces together
         read = {sample.part.model.channels[k].name for k in sample.part.model.measuring(Measurand.FORCE)}
         chosen = tuple(h for h in chosen if not read & set(h.names))
     elif sample.gross and not chosen:
         chosen = permuted_rows(sample, row_origin)
     return (*(chosen or repeated_readings(sample, row_origin)), *_steady(sample), *forces)
+
+
+def _unless_reflectors(chosen: tuple[Hint, ...], reflectors: tuple[Hint, ...]) -> tuple[Hint, ...]:
+    """The reflectors that are elsewhere, unless other hints than zeros of columns explain the table as well."""
+    other = [h.after for h in chosen if h.kind != "offset"]
+    return chosen if not reflectors or (other and max(other) <= _ALIKE * reflectors[0].after) else reflectors
 
 
 def _reasons(table: _Table) -> list[Reason]:
@@ -147,7 +155,7 @@ def _reasons(table: _Table) -> list[Reason]:
             hints, before = explain_by_prediction(sample, values, table.sessions)
             reasons += [Reason((h,), before, h.after) for h in hints]
     explained = any(r.complete and not sample.still_gross(r.hints) for r in reasons)
-    return reasons if explained else [*reasons, *(Reason(*e(sample)) for e in (explain_place, explain_reflectors))]
+    return reasons if explained else [*reasons, Reason(*explain_place(sample))]
 
 
 def _of_drives(problem: Problem, reason: Reason) -> bool:

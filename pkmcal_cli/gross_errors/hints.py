@@ -20,6 +20,7 @@ from pkmcal_cli.gross_errors.plausibility import Hint, find_limit_faults
 from pkmcal_cli.gross_errors.sample import Sample
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.loading.poses import RowOrigin, origin_of
+from pkmcal_cli.model.limits import drive_limits
 from pkmcal_cli.prediction import WarmStart
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.units.measurands import Measurand
@@ -107,7 +108,7 @@ def suspicions(
     """
     model = loaded.model
     names, units = model.drive_names, [a.unit for a in model.actuators]
-    limits = np.array([a.limits for a in model.actuators]).reshape(-1, 2)
+    limits = drive_limits(model.actuators)
     hints = find_limit_faults(problem.rows.readings, limits, names, units)
     sessions = np.asarray(measured.session)
     return hints + gross_faults(

@@ -13,19 +13,9 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import best_motion
 from pkmcal_cli.gross_errors.frame_turns import Turns, explain_turns, turned_back
-from pkmcal_cli.gross_errors.plausibility import (
-    BETTER,
-    EXPLAINED,
-    FloatArray,
-    Hint,
-    Kind,
-    Right,
-    evidence,
-    factors_of,
-    times,
-    unit_words,
-)
+from pkmcal_cli.gross_errors.plausibility import BETTER, EXPLAINED, FloatArray, Hint, Kind, Right, evidence
 from pkmcal_cli.units.file_units import Unit, parse_unit
+from pkmcal_cli.units.mistaken_units import factors_of, times, unit_words
 
 Points = Sequence[Sequence[int]]
 """Columns of the coordinates of each point that one instrument sees."""

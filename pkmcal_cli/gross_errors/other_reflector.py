@@ -1,6 +1,7 @@
-"""One of several reflectors on a body that is elsewhere than the machine file says: its distances to the others tell.
+"""Reflectors on a body that are elsewhere than the machine file says: their distances to the others tell.
 
-They are what no motion of the machine and no place of the instrument changes.
+They are what no motion of the machine and no place of the instrument changes. Which of them are elsewhere shows where
+fewest have to be, and no others as few.
 """
 
 from __future__ import annotations
@@ -14,13 +15,15 @@ import numpy as np
 from pkmcal_cli.base.rotation import best_motion
 from pkmcal_cli.gross_errors.displaced import Names
 from pkmcal_cli.gross_errors.mirror import Points, motion_of
-from pkmcal_cli.gross_errors.plausibility import BETTER, FEW, GROSS, FloatArray, Hint, evidence, misfit, rms
-from pkmcal_cli.gross_errors.sample import Sample
+from pkmcal_cli.gross_errors.plausibility import BETTER, FEW, GROSS, FloatArray, Hint, evidence, rms
+from pkmcal_cli.gross_errors.sample import IntArray, Sample
 from pkmcal_cli.units.unit_text import parse_unit
 
-_FAR = 30.0  # times what parameters in their ranges and noise cause, as of other places
+_FAR = 30.0  # times what noise and places in their ranges do to a distance: bodies are not that elastic
 _RIGID = 1e-6  # of a distance: by which points of one body come closer to each other
 _FLAT = 1e-3  # of their size: points on a line do not show how they are turned
+_MOST = 2  # reflectors that may be elsewhere
+_ALIKE = 4.0  # as many reflectors that leave so many times the least explain it as well
 _REMEDY = "look at its coordinates in the machine file, and at the reflector"
 
 
@@ -49,44 +52,66 @@ class OtherReflector:
         return out
 
 
-def explain_reflectors(sample: Sample) -> tuple[tuple[Hint, ...], float, float]:
-    """Hints, and the misfit before and after they are followed."""
-    hints, corrected = list[Hint](), sample.readings
-    names = [c.name for c in sample.part.model.channels]
+Places = tuple[OtherReflector, ...]
+"""Of reflectors that are elsewhere, each as it is once those before it are put back."""
+
+
+def explain_reflectors(sample: Sample) -> tuple[Hint, ...]:
+    """Hints on the reflectors that are elsewhere, of each instrument that sees several."""
+    hints, names = list[Hint](), [c.name for c in sample.part.model.channels]
     for points in [*(p for p, _ in sample.standing.values()), *sample.frames]:
-        if (hint := _hint(sample, points, names)) is not None:
-            hints.append(hint)
-            corrected = hint.places[0].put_back(corrected, names)
-    tables = [sample.compared(table, sample.predicted) for table in (sample.readings, corrected)]
-    before, after = (misfit(table, sample.predicted, tables[0]) for table in tables)
-    return tuple(hints), before, after
+        hints += _suspicions(sample, points, _places(sample, points, names), names)
+    return tuple(hints)
 
 
-def _hint(sample: Sample, points: Points, names: Sequence[str]) -> Hint | None:
-    """That one of the points of an instrument is elsewhere; None where none is, or where it explains too little."""
+def _places(sample: Sample, points: Points, names: Sequence[str]) -> Places:
+    """Which points of an instrument are elsewhere; none also where that explains too little, or nothing tells which."""
     d = 2 if sample.part.model.topology.planar else 3
     columns = np.array(points)
     if columns.shape[1:] != (d,) or len(columns) < d:
-        return None
-    read, predicted = (table[:, columns] for table in (sample.readings, sample.predicted))  # (n, p, d)
-    rows = np.nonzero(np.isfinite(read + predicted).all(axis=(1, 2)))[0]
-    if len(rows) < FEW or not _one_body(predicted[rows]):
-        return None
-    expected = np.hypot.reduce(sample.prior_rms[columns], axis=1)  # (p,)
-    off = np.abs(_mean_distances(read[rows]) - _mean_distances(predicted[rows])) / np.hypot.outer(expected, expected)
-    tried = []
-    for k in range(len(columns)):
-        if off[k].max() > _FAR and np.delete(np.delete(off, k, 0), k, 1).max() <= GROSS:
-            place = _elsewhere(sample, points, k, rows, names)
-            tried += [place] if place is not None else []
-    left = [_left(sample, points, place.put_back(sample.readings, names)) for place in tried]
-    if not left:
-        return None
-    after, before = min(left), _left(sample, points, sample.readings)
-    if after > BETTER * before or after > GROSS * rms(sample.prior_rms[columns]):
-        return None
-    place = tried[int(np.argmin(left))]
-    return _suspicion(sample, place, read[rows], predicted[rows], before, after)
+        return ()
+    rows = _whole_rows(sample, columns)
+    if len(rows) < FEW or not _one_body(sample.predicted[rows][:, columns]):
+        return ()
+    off = np.abs(np.subtract(*_distances(sample, columns))) / _expected(sample, columns, rows)
+    before, allowed = _left(sample, points, (), names), GROSS * rms(sample.prior_rms[columns])
+    for count in range(1, min(_MOST, len(columns) - 1) + 1):
+        which = [some for some in combinations(range(len(columns)), count) if _may_be(off, some)]
+        tried = [places for some in which if (places := _elsewhere(sample, points, some, rows, names))]
+        left = [_left(sample, points, places, names) for places in tried]
+        least = min(left, default=np.inf)
+        if least <= min(BETTER * before, allowed):
+            return tried[int(np.argmin(left))] if sum(x <= _ALIKE * least for x in left) == 1 else ()
+    return ()
+
+
+def _may_be(off: FloatArray, which: tuple[int, ...]) -> bool:
+    """Whether distances, `off` (p, p), between others are as they should be, and each of these has one that is not."""
+    others = np.delete(np.delete(off, which, 0), which, 1)
+    return bool(others.max(initial=0.0) <= GROSS and (off[list(which)].max(axis=1) > _FAR).all())
+
+
+def _whole_rows(sample: Sample, columns: IntArray) -> IntArray:
+    """Rows in which all points, of channels (p, d), are read and predicted."""
+    return np.nonzero(np.isfinite((sample.readings + sample.predicted)[:, columns]).all(axis=(1, 2)))[0]
+
+
+def _distances(sample: Sample, columns: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Between each two points, on average (p, p), as read and as predicted."""
+    rows = _whole_rows(sample, columns)
+    read, predicted = (_mean_distances(table[rows][:, columns]) for table in (sample.readings, sample.predicted))
+    return read, predicted
+
+
+def _expected(sample: Sample, columns: IntArray, rows: IntArray) -> FloatArray:
+    """Standard deviation of these distances (p, p), by noise of one row and by parameters in their ranges."""
+    places, changes = sample.predicted[rows][:, columns], sample.changes[rows][:, columns]  # (n, p, d), (n, p, d, k)
+    noise = np.hypot.reduce(sample.part.sigma[rows][:, columns].mean(axis=0), axis=1)  # (p,)
+    between = places[:, :, None] - places[:, None]
+    apart = np.linalg.norm(between, axis=3)
+    along = between / np.where(apart > 0, apart, 1.0)[..., None]
+    rates = np.einsum("npqd,npqdk->pqk", along, changes[:, :, None] - changes[:, None]) / len(rows)
+    return np.asarray(np.hypot(np.linalg.norm(rates, axis=2), np.hypot.outer(noise, noise)))
 
 
 def _mean_distances(places: FloatArray) -> FloatArray:
@@ -105,40 +130,46 @@ def _one_body(places: FloatArray) -> bool:
 
 
 def _elsewhere(
-    sample: Sample, points: Points, which: int, rows: np.ndarray, names: Sequence[str]
-) -> OtherReflector | None:
-    """Where one of the points is instead, if the others are where they should be; None with too few."""
-    others = [p for k, p in enumerate(points) if k != which]
-    motion = motion_of(sample.readings, sample.predicted, others)
+    sample: Sample, points: Points, which: tuple[int, ...], rows: IntArray, names: Sequence[str]
+) -> Places:
+    """Where some of the points are instead, if the others are where they should be; none with too few."""
+    motion = motion_of(sample.readings, sample.predicted, [p for k, p in enumerate(points) if k not in which])
     if motion is None:
-        return None
-    columns = np.array(points)
-    shape = sample.predicted[rows[0], columns]
-    off = sample.readings[rows][:, columns[which]] @ motion[0].T + motion[1] - sample.predicted[rows][:, columns[which]]
-    turned = [best_motion(shape, sample.predicted[row, columns])[0] for row in rows]
-    offset = np.mean([rotation.T @ each for rotation, each in zip(turned, off, strict=True)], axis=0)
-    shape = shape + np.outer(np.arange(len(shape)) == which, offset)
-    return OtherReflector(tuple(tuple(names[k] for k in p) for p in points), which, shape, offset)
+        return ()
+    columns, some = np.array(points), list(which)
+    places = sample.predicted[rows][:, columns]
+    off = sample.readings[rows][:, columns[some]] @ motion[0].T + motion[1] - places[:, some]
+    turned = [best_motion(places[0], place)[0] for place in places]
+    offsets = np.mean([each @ rotation for rotation, each in zip(turned, off, strict=True)], axis=0)
+    named, shape, out = tuple(tuple(names[k] for k in p) for p in points), places[0].copy(), []
+    for k, offset in zip(reversed(which), reversed(offsets), strict=True):  # the last is put back with all others right
+        shape = shape + np.outer(np.arange(len(shape)) == k, offset)
+        out.append(OtherReflector(named, k, shape, offset))
+    return tuple(reversed(out))
 
 
-def _left(sample: Sample, points: Points, readings: FloatArray) -> float:
-    """Rms of what readings (n, C) of these points are off, whatever place of the instrument nobody knows."""
-    columns = [k for p in points for k in p]
+def _left(sample: Sample, points: Points, places: Places, names: Sequence[str]) -> float:
+    """Rms of what these points are off once some are put back, whatever place of the instrument nobody knows."""
+    readings, columns = sample.readings, [k for p in points for k in p]
+    for place in places:
+        readings = place.put_back(readings, names)
     return rms((sample.compared(readings, sample.predicted) - sample.predicted)[:, columns])
 
 
-def _suspicion(
-    sample: Sample, place: OtherReflector, read: FloatArray, predicted: FloatArray, before: float, after: float
-) -> Hint:
-    """In words: the distances as read, and as the machine file has them."""
-    channel = {c.name: c for c in sample.part.model.channels}
-    unit = parse_unit(channel[place.points[0][0]].unit)
-    others = [k for k in range(len(place.points)) if k != place.which]
-    apart = [_mean_distances(table)[place.which] for table in (read, predicted)]
-    name, *rest = (place.points[k][0].rpartition(".")[0] for k in (place.which, *others))
-    seen = ", ".join(f"{unit.format(float(apart[0][k]), 4)} from `{n}`" for k, n in zip(others, rest, strict=True))
-    stated = ", ".join(unit.format(float(apart[1][k]), 4) for k in others)
-    message = f"`{name}` looks read elsewhere on its body than the machine file says, {seen} instead of {stated}: "
-    message += f"{evidence(unit, before, after)} without that; {_REMEDY}"
-    names = place.points[place.which]
-    return Hint(kind="offset", names=names, message=message, before=before, after=after, places=(place,))
+def _suspicions(sample: Sample, points: Points, places: Places, names: Sequence[str]) -> list[Hint]:
+    """In words, for each that is elsewhere: the distances as read, and as the machine file has them."""
+    unit = parse_unit(sample.part.model.channels[points[0][0]].unit)
+    before, after = (_left(sample, points, some, names) for some in ((), places))
+    hints, reflectors = list[Hint](), [names[p[0]].rpartition(".")[0] for p in points]
+    for place in places:
+        others = [k for k in range(len(points)) if k != place.which]
+        apart = [table[place.which] for table in _distances(sample, np.array(points))]
+        seen = ", ".join(f"{unit.format(float(apart[0][k]), 4)} from `{reflectors[k]}`" for k in others)
+        stated = ", ".join(unit.format(float(apart[1][k]), 4) for k in others)
+        message = f"`{reflectors[place.which]}` looks read elsewhere on its body than the machine file says, {seen} "
+        message += f"instead of {stated}: {evidence(unit, before, after)} without that; {_REMEDY}"
+        channels = place.points[place.which]
+        hints.append(
+            Hint(kind="offset", names=channels, message=message, before=before, after=after, places=(place,))
+        )
+    return hints

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Literal, Protocol
 
 import numpy as np
@@ -15,13 +14,13 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.model.limits import limit_excess
 from pkmcal_cli.units.file_units import UNITS, Unit, parse_unit
+from pkmcal_cli.units.mistaken_units import factors_of, unit_words
 
 FloatArray = NDArray[np.float64]
 Kind = Literal[
     "swapped", "rotated", "moved", "unit", "sign", "mirrored", "offset", "rows", "copies", "limits", "repeated"
 ]
 
-_PREFIXES = (1e3, 1e-3)
 BETTER = 0.2  # an explanation leaves at most this share of the residual
 EXPLAINED = 0.1  # and at most this share of what is predicted
 FEW = 4  # rows below which a coincidence is likely, so that the residual itself must be gross
@@ -182,26 +181,3 @@ def misfit(measured: FloatArray, predicted: FloatArray, read: FloatArray) -> flo
 def evidence(unit: Unit, before: float, after: float) -> str:
     """The words "residual rms 3.2 mm -> 0.11 mm"."""
     return f"residual rms {unit.format(before, 3)} -> {unit.format(after, 2)}"
-
-
-@lru_cache
-def factors_of(unit: Unit) -> tuple[float, ...]:
-    """By what a column may be too small if its unit is mistaken: units of its dimension for each other, prefixes."""
-    others = [u.scale / unit.scale for u in UNITS.values() if u.dimension == unit.dimension and u.text != "1"]
-    others += _PREFIXES
-    ratios = {float(f"{r:.12g}") for o in others for r in (o, 1 / o)}
-    return tuple(sorted(ratios - {1.0}, key=lambda r: (abs(np.log(r)), r)))
-
-
-def times(factor: float) -> str:
-    """The words "1000 times too large" for what must be multiplied by 0.001."""
-    return f"{1 / factor:.4g} times too large" if factor < 1 else f"{factor:.4g} times too small"
-
-
-def unit_words(unit: Unit, factor: float) -> str:
-    """The words " (is it in `m`, not `mm`, or in `mm`, not `um`?)" where units of the table fit."""
-    others = [u for u in UNITS.values() if u.dimension == unit.dimension and unit.text != "1"]
-    real = [u.text for u in others if np.isclose(u.scale, unit.scale * factor, rtol=1e-9)][:1]
-    taken = [u.text for u in others if np.isclose(u.scale * factor, unit.scale, rtol=1e-9)][:1]
-    words = [f"in `{name}`, not `{unit.text}`" for name in real] + [f"in `{unit.text}`, not `{name}`" for name in taken]
-    return f" (is it {', or '.join(words)}?)" if words else ""

@@ -32,7 +32,7 @@ class Sample:
     """A sample of the table, predicted at the starting values.
 
     whole: the whole table; rows (n,): numbers of the sample's rows in it; prior_rms (C,): rms that errors of parameters
-    and noise cause, less what an instrument takes up that stands anywhere.
+    (names, without those of unknown frames) and noise cause, less what an instrument takes up that stands anywhere.
     """
 
     whole: Problem
@@ -40,6 +40,7 @@ class Sample:
     part: Problem
     evaluation: Evaluation
     prior_rms: Array
+    parameters: tuple[str, ...]
 
     @classmethod
     def of(
@@ -56,14 +57,22 @@ class Sample:
         }
         without_frames = tuple(n for n in parameters if n not in of_unknown_frames)
         evaluation = evaluate(sample, values, without_frames, None if states is None else states.take(rows))
-        made = cls(problem, rows, sample, evaluation, np.zeros(len(problem.model.channels)))
-        made = replace(made, prior_rms=_prior_rms(made, without_frames))
+        made = cls(problem, rows, sample, evaluation, np.zeros(len(problem.model.channels)), without_frames)
+        made = replace(made, prior_rms=_prior_rms(made))
         return replace(made, prior_rms=_with_alignment(made))
 
     @cached_property
     def predicted(self) -> Array:
         """Predictions (n, C), nan where there are none."""
         return np.where(self.evaluation.prediction.solved[:, None], self.evaluation.prediction.values, np.nan)
+
+    @cached_property
+    def changes(self) -> Array:
+        """What errors of parameters by half their ranges do to predictions (n, C, p); none of unknown frames."""
+        ranges = {p.name: p.range for p in self.part.model.parameters}
+        jacobian = self.evaluation.prediction.jacobian
+        assert jacobian is not None
+        return np.asarray(jacobian * (np.array([ranges[n] for n in self.parameters]).reshape(-1) / 2))
 
     @cached_property
     def informative(self) -> NDArray[np.bool_]:
@@ -206,13 +215,9 @@ def _with_alignment(sample: Sample) -> Array:
     return out
 
 
-def _prior_rms(sample: Sample, parameters: tuple[str, ...]) -> Array:
+def _prior_rms(sample: Sample) -> Array:
     """Rms (C,) of residuals that noise and errors of parameters within their ranges cause."""
-    ranges = {p.name: p.range for p in sample.part.model.parameters}
-    prior = np.array([ranges[n] for n in parameters]).reshape(-1) / 2
-    jacobian = sample.evaluation.prediction.jacobian
-    assert jacobian is not None
-    variance = (_less_motions(sample, jacobian * prior) ** 2).sum(axis=2)
+    variance = (_less_motions(sample, sample.changes) ** 2).sum(axis=2)
     noise = np.where(sample.part.measured, sample.part.sigma, np.nan) ** 2
     return np.array([np.sqrt(_mean(v) + _mean(n)) for v, n in zip(variance.T, noise.T, strict=True)])
 

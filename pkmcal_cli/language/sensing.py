@@ -123,7 +123,8 @@ class Sensor(Entity, Generic[V]):
     of: SensorValue[V] | None = Field(default=None, description="Expression of parameters measured on the bench")
     reading: SensorValue[V] | None = Field(
         default=None,
-        description="Value measured on the bench; touch: what it reads wherever it touches, 0 for a trigger probe",
+        description="Value measured on the bench; touch, distance: what it reads wherever it touches, 0 for a trigger "
+        "probe",
     )
     axis: Axis[V] | None = Field(
         default=None, description="Axis of an angle in the reference configuration; default: z"

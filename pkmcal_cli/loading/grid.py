@@ -13,6 +13,7 @@ from pkmcal_cli.base.errors import UsageError, did_you_mean
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.loading.tool_coordinates import kept_note, tool_motion, unusable_set
+from pkmcal_cli.loading.workspace_poses import usable_workspace, workspace_remedy
 from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.model.workspace import Workspace
 from pkmcal_cli.units.unit_text import Unit, UnitError, parse_value
@@ -77,11 +78,12 @@ def spread_count(text: str) -> int | None:
 
 
 def spread_over(loaded: LoadedMachine, number: int) -> Workspace:
-    """The workspace over which so many poses are spread. Raises UsageError where a machine declares none."""
-    if loaded.model.workspace is None:
+    """The workspace over which so many poses are spread. Raises UsageError where a machine has none."""
+    workspace = usable_workspace(loaded)
+    if workspace is None:
         message = f"--grid {number}: so many poses are spread over the workspace, and the machine declares none"
-        raise UsageError(message, hint='add `workspace:` to the machine file, or axes: "x=0:950:3,y=160:390:77"')
-    return loaded.model.workspace
+        raise UsageError(message, hint=f'{workspace_remedy(loaded)}, or give axes: "x=0:950:3,y=160:390:77"')
+    return workspace
 
 
 def parse_grid(loaded: LoadedMachine, text: str, option: str = "--grid") -> Grid:

@@ -60,6 +60,12 @@ class Workspace:
             inside &= self.cylinder.holds(poses[:, :3])
         return np.asarray(inside)
 
+    @classmethod
+    def of_drives(cls, limits: Array) -> Workspace:
+        """All that limits (A, 2) of drive readings leave."""
+        far = np.full(6, np.inf)
+        return cls(-far, far, None, limits)
+
     @property
     def bounds(self) -> tuple[Array, Array]:
         """Lowest and highest coordinates (6,) that box and cylinder allow."""

@@ -65,6 +65,8 @@ def drive_positions(
     belong to; without them, what each session has for itself is nominal. All drives are free, so the redundant ones are
     strain-free.
     """
+    if not len(poses):
+        return DrivePositions(np.zeros((0, len(model.actuators))), poses, np.zeros(0, dtype=np.int_))
     values, aimed = model.nominal if values is None else values, aimed or model.tool
     if rows is not None and model.sessions:
         base = BaseCoefficients.of(model, values, rows).rows(rows)

@@ -87,8 +87,9 @@ def placed_tool_poses(model: Model, readings: Array) -> Array:
     rows = Rows.at(readings)
     coefficients = commanded_coefficients(model, BaseCoefficients.of(model, model.nominal, rows), rows)
     state, status = rigid_pose(model, coefficients, _RIGID, Effort())
-    solved = np.nonzero(status == RowStatus.SOLVED)[0]
-    tool = model.tool
+    solved, tool = np.nonzero(status == RowStatus.SOLVED)[0], model.tool
+    if not len(solved):
+        return np.zeros((0, 6))
     return point_poses(model.topology, coefficients[solved], state.take(solved), tool.point, tool.rotation)
 
 

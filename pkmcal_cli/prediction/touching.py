@@ -81,6 +81,23 @@ def _touching_readings(
     return readings, np.asarray((np.abs(error) < _NEAR).all(axis=1))
 
 
+def rise(model: Model, values: Array, rows: Rows, touched: NDArray[np.bool_]) -> Array:
+    """Derivatives (N, 6) by the tool point's coordinates of what channels read that touch (N, C), all together.
+
+    The tool point leaves what it touches where these rise; 0 where nothing touches, and in coordinates that follow.
+    """
+    slopes, free = np.zeros((len(rows), 6)), [DIRECTIONS.index(c) for c in model.independent_coordinates]
+    if touched.any():
+        there = predict(model, values, rows, Request(by_drive=True))
+        assert there.by_drive is not None
+        by_drive = np.where(touched[..., None], there.by_drive, 0.0).sum(axis=1)  # (N, A)
+        pose = np.full((len(rows), 6), np.nan)
+        pose[:, free] = tcp_places(model, model.nominal, rows)[:, free]
+        by_place = np.where(forced(model)[:, None], 0.0, _drives_by_place(model, pose))
+        slopes[:, free] = np.nan_to_num(by_drive[:, None] @ by_place)[:, 0]
+    return slopes
+
+
 def _least(slopes: Array, error: Array) -> Array:
     """The shortest steps (n, d) that remove errors (n, m)."""
     return np.asarray((np.linalg.pinv(np.nan_to_num(slopes)) @ np.nan_to_num(error)[..., None])[..., 0])

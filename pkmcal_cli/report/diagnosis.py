@@ -22,6 +22,7 @@ from pkmcal_cli.effects import catalogue
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.diagnosis_json import DiagnosisJson
 from pkmcal_cli.report.effect_signs import sign_text
+from pkmcal_cli.report.mistaken_scale import mistaken_scale
 from pkmcal_cli.report.noise_text import growth_text
 from pkmcal_cli.report.number_format import handy
 from pkmcal_cli.report.residual_text import ResidualText
@@ -256,7 +257,8 @@ class DiagnosisReport(VisibilityReport):
     def _reservation(self, finding: Finding) -> str:
         """How far off an effect is, or why it is provisional."""
         if finding.run_away is not None:
-            return f"{_FAR if self.far(finding) else ''}{self.run_away(finding)}"
+            slip = mistaken_scale(self.model, finding.hypothesis, finding.estimate[0])
+            return f"{_FAR if self.far(finding) else ''}{slip}{self.run_away(finding)}"
         if finding.beyond:
             return " Provisional: its size is beyond the plausible range; the true cause may be another."
         if not finding.held_out.confirmed:

@@ -21,9 +21,9 @@ def distance(seen: Mapping[str, Any]) -> Sequence[Any]:
 DISTANCE = SensorKind(
     keyword="distance",
     title="distance between two points, each with known coordinates or parameters as coordinates",
-    instruments="double ballbar, draw wire, length gauge",
+    instruments="double ballbar, draw wire, length gauge, touch probe on a datum ball",
     needs=("at", "to"),
-    may=("offset", "column", "zero", "scale", "unit", "sigma_per_length"),
+    may=("offset", "column", "reading", "zero", "scale", "unit", "sigma_per_length"),
     variables=("place", "other", "zero", "scale", "reading_error"),
     measurand=Measurand.DISTANCE,
     equation=distance,

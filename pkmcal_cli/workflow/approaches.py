@@ -19,10 +19,13 @@ from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.overruns import LEAST, overruns
 from pkmcal_cli.correction.waypoints import GAP
+from pkmcal_cli.loading.pose_channels import Channels
+from pkmcal_cli.model.limits import drive_limits
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.prediction.inverse_kinematics import drive_positions
+from pkmcal_cli.prediction.touching import rise
 from pkmcal_cli.report.loads import limited
 from pkmcal_cli.workflow.borne_loads import FORCES, Ways
 
@@ -66,18 +69,39 @@ class Approaches:
         return {f"dir.{a.name}": column for a, column in zip(model.actuators, self.side.T, strict=True)}
 
 
-def approaches(
-    model: Model, values: Array, rows: Rows, poses: Array, rng: np.random.Generator, sides_of_rows: Array | None = None
-) -> Approaches:
-    """Approaches of rows (N) at poses (N, 6) of the tool point, at parameter values (P,), from random directions.
+@dataclass(frozen=True)
+class ApproachFrom:
+    """From where rows are to be approached: sides (N, A) of drives that are preferred, 0 where any will do.
 
-    sides_of_rows (N, A): sides that are preferred, 0 or nan where any will do.
+    away (N, 6): direction in the tool point's coordinates, lengths in sizes of the machine, that leads away from what
+    is touched; the approach comes from there, within 45 deg. 0: from anywhere.
     """
+
+    sides: Array
+    away: Array
+
+    @classmethod
+    def of(
+        cls, model: Model, values: Array, rows: Rows, touched: Channels | None, sides: Array | None = None
+    ) -> ApproachFrom:
+        """For rows (N) in which channels (N, C) touch, at parameter values (P,); sides (N, A), nan: any will do."""
+        slopes = (np.zeros((len(rows), 6)) if touched is None else rise(model, values, rows, touched)) * _sizes(model)
+        away = slopes / np.maximum(np.sqrt((slopes**2).sum(axis=1, keepdims=True)), 1e-300)
+        return cls(np.zeros(rows.readings.shape) if sides is None else np.nan_to_num(sides), away)
+
+    def take(self, rows: NDArray[np.intp]) -> ApproachFrom:
+        """Of some rows."""
+        return ApproachFrom(self.sides[rows], self.away[rows])
+
+
+def approaches(
+    model: Model, values: Array, rows: Rows, poses: Array, rng: np.random.Generator, origin: ApproachFrom
+) -> Approaches:
+    """Approaches of rows (N) at poses (N, 6) of the tool point, at parameter values (P,), from random directions."""
     held = [a for a, d in enumerate(model.topology.drives) if not d.force_controlled]
     overrun = np.full(rows.readings.shape[1], np.inf)
     overrun[held] = overruns(model, rows.readings, held)
-    sides = np.zeros(rows.readings.shape) if sides_of_rows is None else np.nan_to_num(sides_of_rows)
-    back, reachable = _steps_back(model, poses, overrun, sides, rng)
+    back, reachable = _steps_back(model, poses, overrun, origin, rng)
     refused = {int(k): NO_WAY for k in np.nonzero(~reachable)[0]}
     back, unsafe = _shortened(model, values, rows, np.where(reachable[:, None], np.nan_to_num(back), 0.0))
     refused |= {k: why for k, why in unsafe.items() if reachable[k]}
@@ -86,28 +110,29 @@ def approaches(
 
 
 def _steps_back(
-    model: Model, poses: Array, overrun: Array, sides: Array, rng: np.random.Generator
+    model: Model, poses: Array, overrun: Array, origin: ApproachFrom, rng: np.random.Generator
 ) -> tuple[Array, NDArray[np.bool_]]:
     """By how much drives (N, A) are off where approaches begin, and which (N,) there are; shorter ones at borders."""
-    back, reachable = np.zeros(sides.shape), np.zeros(len(poses), dtype=bool)
+    back, reachable = np.zeros(origin.sides.shape), np.zeros(len(poses), dtype=bool)
     for share in _SHORTER:
         left = np.nonzero(~reachable)[0]
         if len(left):
-            back[left], reachable[left] = _best_step(model, poses[left], share * overrun, sides[left], rng)
+            back[left], reachable[left] = _best_step(model, poses[left], share * overrun, origin.take(left), rng)
     return back, reachable
 
 
 def _best_step(
-    model: Model, poses: Array, overrun: Array, sides: Array, rng: np.random.Generator
+    model: Model, poses: Array, overrun: Array, origin: ApproachFrom, rng: np.random.Generator
 ) -> tuple[Array, NDArray[np.bool_]]:
     """The same for one length of steps: within reach and travel, and the workspace where the poses are in it.
 
     Of a few random directions that with most of the wanted sides, then one in which every drive moves enough, or, where
     none is, that in which the laziest drive moves most.
     """
-    count, limits = len(poses), np.array([a.limits for a in model.actuators])
-    size, held = np.where(np.arange(6) < 3, model.length, 1.0), model.independent_coordinates
-    unit, every = _directions(held, _TRIES * count, rng) * size, np.tile(poses, (_TRIES, 1))
+    count, limits = len(poses), drive_limits(model.actuators)
+    size, held = _sizes(model), model.independent_coordinates
+    unit, every = _directions(held, _TRIES * count, rng), np.tile(poses, (_TRIES, 1))
+    unit = _from_outside(unit, np.tile(origin.away, (_TRIES, 1))) * size
     there = np.tile(drive_positions(model, poses, held=held).readings, (_TRIES, 1))
     slope = (there - drive_positions(model, every - _SMALL * unit, held=held).readings) / _SMALL
     share = np.abs(np.nan_to_num(slope)) / overrun  # overruns per size of the machine
@@ -123,7 +148,7 @@ def _best_step(
     good &= (((back.readings >= limits[:, 0]) & (back.readings <= limits[:, 1])) | outside).all(axis=1)
     if model.workspace is not None:
         good &= model.workspace.holds(back.poses, back.readings) | ~model.workspace.holds(every, there)
-    suits = (np.sign(slope) * np.tile(sides, (_TRIES, 1)) >= 0).mean(axis=1)
+    suits = (np.sign(slope) * np.tile(origin.sides, (_TRIES, 1)) >= 0).mean(axis=1)
     moves = np.minimum(step * laziest, _ENOUGH)  # among those that move enough chance decides: all kinds of sides
     worth = np.where(good, 2.0 * suits + moves, -1.0).reshape(_TRIES, count)
     best, row = worth.argmax(axis=0), np.arange(count)
@@ -152,6 +177,18 @@ def _directions(held: tuple[str, ...], count: int, rng: np.random.Generator) -> 
     out = np.zeros((count, 6))
     out[:, free] = drawn / np.sqrt((drawn**2).sum(axis=1, keepdims=True))
     return out
+
+
+def _from_outside(unit: Array, away: Array) -> Array:
+    """Directions (N, 6) turned so that they come from where unit vectors (N, 6) lead, within 45 deg; 0: as they are."""
+    along = (unit * away).sum(axis=1, keepdims=True)
+    turned = np.where(along > 0, -unit, unit) - away
+    return np.asarray(turned / np.sqrt((turned**2).sum(axis=1, keepdims=True)))
+
+
+def _sizes(model: Model) -> Array:
+    """What the coordinates (6,) of the tool point count in: sizes of the machine, rad."""
+    return np.where(np.arange(6) < 3, model.length, 1.0)
 
 
 def no_approach(model: Model, refused: Mapping[int, str]) -> BadInput:

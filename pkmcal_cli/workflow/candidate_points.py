@@ -12,11 +12,12 @@ from pkmcal_cli.calibration.problem import Problem, design_problem
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.loading.pose_channels import known_channels, planned_channels
 from pkmcal_cli.loading.workspace_poses import out_of_workspace
+from pkmcal_cli.model.limits import drive_limits
 from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.prediction import Request, Rows, predict
 from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 from pkmcal_cli.prediction.touching import tcp_places, touching
-from pkmcal_cli.workflow.approaches import Approaches, approaches, no_approach
+from pkmcal_cli.workflow.approaches import Approaches, ApproachFrom, approaches, no_approach
 from pkmcal_cli.workflow.tensioned_poses import tensioned, tensions_ropes
 from pkmcal_cli.workflow.touched_poses import readings_at_touch
 
@@ -41,15 +42,17 @@ def candidate_points(
     if tensions_ropes(model) and len(poses):
         made = tensioned(model, values, poses, rows)
         poses, rows = (poses[made.kept], made.rows) if len(made.kept) else (poses, rows)
-    towards = approaches(model, values, rows, poses, rng)
+    touched = np.tile(known_channels(model) & problem.measured.all(axis=0), (len(rows), 1))  # at every pose of the plan
+    rows, done = touching(model, values, rows, readings_at_touch(model, touched))
+    if touched.any():
+        poses = tcp_places(model, values, rows)
+    towards = approaches(model, values, rows, poses, rng, ApproachFrom.of(model, values, rows, touched))
     rows = replace(rows, columns={**rows.columns, **towards.columns(model)})
-    touched = known_channels(model) & problem.measured.all(axis=0)  # probes that touch at every pose of the plan
-    rows, done = touching(model, values, rows, readings_at_touch(model, np.tile(touched, (len(rows), 1))))
     done[list(towards.refused)] = False
     good = np.nonzero(done & predict(model, values, rows, Request()).solved)[0]
     if towards.refused and not len(good):
         raise no_approach(model, towards.refused)
-    channels = planned_channels(model, None, np.tile(touched, (len(good), 1)))
+    channels = planned_channels(model, None, touched[good])
     return design_problem(model, rows.take(good), channels), towards.take(good)
 
 
@@ -63,7 +66,7 @@ def _drawn(loaded: LoadedMachine, places: Array, size: int, rng: np.random.Gener
     low, high = places.min(axis=0), places.max(axis=0)
     wide, held = _WIDER * (high - low), model.independent_coordinates
     low, high = low - wide, high + wide
-    limits = np.array([a.limits for a in model.actuators])
+    limits = drive_limits(model.actuators)
     if workspace is not None:
         ends = np.stack(workspace.bounds)
         limited = np.isfinite(ends).all(axis=0)

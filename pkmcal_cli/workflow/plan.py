@@ -36,7 +36,7 @@ from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.report.plan_report import PlanReport
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.workflow.alpha import check_alpha
-from pkmcal_cli.workflow.approaches import Approaches, approaches, no_approach
+from pkmcal_cli.workflow.approaches import Approaches, ApproachFrom, approaches, no_approach
 from pkmcal_cli.workflow.arguments import one_stdin, present, require_measured, selection
 from pkmcal_cli.workflow.candidate_points import candidate_points
 from pkmcal_cli.workflow.next_points import next_points
@@ -44,7 +44,7 @@ from pkmcal_cli.workflow.plan_aims import RequestedAim, fewest, requested_aim
 from pkmcal_cli.workflow.plan_picture import PlannedRows, draw_plan
 from pkmcal_cli.workflow.plan_power import power_of_plan
 from pkmcal_cli.workflow.plots import Plot, check_plot
-from pkmcal_cli.workflow.pose_set import PoseSet, default_poses, pose_set
+from pkmcal_cli.workflow.pose_set import PoseSet, pose_set
 from pkmcal_cli.workflow.schedule import ScheduleOptions, write_schedule
 from pkmcal_cli.workflow.schedule_forms import check_drives, check_form
 from pkmcal_cli.workflow.state import State, check_state
@@ -199,8 +199,9 @@ def _approached(
     stated_sides = np.zeros(rows.readings.shape) if poses.poses.sides is None else np.nan_to_num(poses.poses.sides)
     resting = with_sides(rows, model)
     places = tcp_places(model, values, resting)
+    origin = ApproachFrom.of(model, values, resting, poses.poses.touched, stated_sides)
     with to.step("how points are approached"):
-        ways = approaches(model, values, resting, places, np.random.default_rng([request.seed, 1]), stated_sides)
+        ways = approaches(model, values, resting, places, np.random.default_rng([request.seed, 1]), origin)
     if ways.refused:
         poses = poses.without(ways.refused)  # told with those that cannot be predicted
         kept = np.delete(np.arange(len(rows)), list(ways.refused))
@@ -221,8 +222,7 @@ def _read(request: PlanRequest, to: Reporter) -> tuple[LoadedMachine, PoseSet]:
         raise UsageError(message, hint="leave out --aim and -o")
     if not any(p.per_session for p in loaded.model.parameters):  # else the sessions must be known first
         selection(loaded.model, request.select)
-    chosen = request.poses is None and request.grid is None and loaded.model.workspace is not None
-    poses = default_poses(to, loaded) if chosen else pose_set(to, loaded, request.poses, request.grid)
+    poses = pose_set(to, loaded, request.poses, request.grid)
     return loaded.for_sessions(poses.every.rows.named_sessions), poses
 
 

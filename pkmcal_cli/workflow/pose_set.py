@@ -19,7 +19,7 @@ from pkmcal_cli.loading.pose_source import PoseSource
 from pkmcal_cli.loading.poses import Poses, failed_rows, reference_poses
 from pkmcal_cli.loading.tool_coordinates import required_tool_point
 from pkmcal_cli.loading.unstated_forces import unstated_forces
-from pkmcal_cli.loading.workspace_poses import workspace_poses
+from pkmcal_cli.loading.workspace_poses import usable_workspace, workspace_poses
 from pkmcal_cli.report.failed_rows import GRID_POINT, FailedRows, SkippedPoints
 
 _SPREAD = 50  # poses over the workspace
@@ -75,7 +75,12 @@ class PoseSet:
 
 
 def pose_set(to: Listener, loaded: LoadedMachine, path: str | None, grid: str | None) -> PoseSet:
-    """All poses of a table or grid. Raises BadInput with rows of a table that are out of reach."""
+    """All poses of a table or grid, without either some all over the workspace.
+
+    Raises BadInput with rows of a table that are out of reach, UsageError where nothing says which poses.
+    """
+    if path is None and grid is None and usable_workspace(loaded) is not None:
+        return default_poses(to, loaded)
     source = PoseSource(loaded=loaded, to=to, path=path, grid=grid)
     poses = source.together()
     to.notes(source.notes)
@@ -93,8 +98,8 @@ def default_poses(to: Listener, loaded: LoadedMachine) -> PoseSet:
     """Poses where none are given: spread over the workspace, else the reference configuration alone."""
     model = loaded.model
     at_reference = [*([note] if (note := resting(model)) else []), *unstated_forces(loaded.machine)]
-    if model.workspace is not None:
-        poses, notes = workspace_poses(loaded, model.workspace, _SPREAD, to)
+    if (workspace := usable_workspace(loaded)) is not None:
+        poses, notes = workspace_poses(loaded, workspace, _SPREAD, to)
         tool = required_tool_point(loaded)
         summary = f"no poses given: {count(len(poses), 'pose')} spread over the workspace"
         to.notes([summary, tool.text, *notes, *at_reference])

@@ -16,6 +16,7 @@ from pkmcal_cli.loading.covariates import with_sides
 from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine, load_parameters
 from pkmcal_cli.loading.nearby_poses import nearby_poses
 from pkmcal_cli.loading.poses import failed_rows
+from pkmcal_cli.loading.workspace_poses import usable_workspace
 from pkmcal_cli.model.effect_sites import places
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_channels import tcp_model
@@ -28,7 +29,7 @@ from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.units.file_units import FileUnits
 from pkmcal_cli.workflow.arguments import one_stdin, selection
 from pkmcal_cli.workflow.effects_request import EffectsRequest
-from pkmcal_cli.workflow.pose_set import PoseSet, default_poses, pose_set
+from pkmcal_cli.workflow.pose_set import PoseSet, pose_set
 from pkmcal_cli.workflow.unstrained import is_unstrained
 
 _POSES = 30  # that are drawn where none are given
@@ -67,10 +68,8 @@ def run_simulated_effects(machine: str, request: EffectsRequest) -> int:
 
 def _poses(loaded: LoadedMachine, request: EffectsRequest, to: Reporter) -> PoseSet:
     """The poses that are asked for, else some of the workspace, or within reach where none is declared."""
-    if request.poses is not None or request.grid is not None:
+    if request.poses is not None or request.grid is not None or usable_workspace(loaded) is not None:
         return pose_set(to, loaded, request.poses, request.grid)
-    if loaded.model.workspace is not None:
-        return default_poses(to, loaded)
     poses = nearby_poses(loaded.model, _POSES)
     to.notes([f"no poses given: {len(poses)} are drawn within reach of the reference configuration"])
     return PoseSet(every=poses, kept=np.arange(len(poses)), skipping="pose")

@@ -114,7 +114,7 @@ def _study(request: StudyRequest, counts: tuple[int, ...], to: Reporter) -> tupl
     """What is repeated; sha256 by name of all that was read. Raises PkmcalError."""
     loaded = [_loaded(file, to) for file in request.machines]
     first, inputs = loaded[0], dict[str, str]()
-    region = region_of(first, request.within)
+    region = region_of(first, request.within, to)
     machines = []
     names = _names(request.machines)
     for name, each in zip(names, loaded, strict=True):

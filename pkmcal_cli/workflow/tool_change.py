@@ -100,7 +100,7 @@ def _measured(model: Model, known: Sequence[KnownParameters]) -> Workspace | Non
     drives = np.array(ranges)
     if (drives[:, 0] >= drives[:, 1]).any():
         return None
-    return Workspace(np.full(6, -np.inf), np.full(6, np.inf), None, drives)
+    return Workspace.of_drives(drives)
 
 
 def _machine(files: Sequence[str], known: Sequence[KnownParameters]) -> LoadedMachine | None:

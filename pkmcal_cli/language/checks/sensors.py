@@ -106,7 +106,8 @@ def _check_keys(path: Path, sensor: Sensor[Written], fault: Callable[..., Any]) 
             )
     for key in stated:
         if key not in (*kind.keys, "kind"):
-            hint = "delete it; keys of this kind: " + ", ".join(kind.keys)
+            others = ", ".join(f"`{k.keyword}`" for k in sensor_kinds().values() if key in k.keys)
+            hint = f"delete it; keys of this kind: {', '.join(kind.keys)}; kinds with `{key}`: {others}"
             fault(f"sensor kind `{kind.keyword}` has no `{key}`", (*path, key), hint, at_key=True)
 
 
