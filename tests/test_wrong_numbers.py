@@ -145,7 +145,7 @@ def test_which_numbers_a_file_fixes() -> None:
     [({"arm": 413.0}, "arm.length"), ({"height": 27.0}, "A.y"), ({"turn": 0.6}, "bed.turn.z")],
 )
 def test_how_often(wrong: dict[str, float], place: str, tmp_path: Path) -> None:
-    """Of 60 campaigns: named first in all; 95 % intervals hold in 54 or more (97.4 % of the draws, if right)."""
+    """Of 60 campaigns: named first in all; 95 % intervals hold in 54 or more (97.0 % of the draws, if right)."""
     ((key, _),) = wrong.items()
     first = [diagnosed(tmp_path, seed, **wrong).json["wrong_numbers"][0] for seed in range(100, 160)]
     assert all(n["places"] == [place] for n in first)
