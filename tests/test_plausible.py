@@ -238,3 +238,20 @@ def test_improve_says_it_too(tmp_path: Path) -> None:
     table = spoilt(tmp_path, turned)
     done = clean(run("improve", MACHINE, table, "--json"))
     assert done.code == 1 and any("ranges off nominal" in reason for reason in done.json["implausible"])
+
+
+def test_a_doubt_stays_with_the_values_that_are_kept(tmp_path: Path) -> None:
+    """One parameter from good rows, the others from a fit that is not to be believed: neither is the result."""
+    bad, new = tmp_path / "bad.yaml", tmp_path / "new.yaml"
+    calibrated(spoilt(tmp_path, turned), "-o", bad)
+    kept = calibrated(TABLE, "--select", "l1", "-p", bad, "-o", new)
+    assert kept.code == 1 and kept.json["status"] == "implausible"
+    assert any("values that are kept of " in reason and "l2" in reason for reason in kept.json["implausible"])
+    again = run("simulate", MACHINE, TABLE, "-p", new)
+    assert "values that are kept of " in again.err
+    every = calibrated(TABLE, "-p", bad)
+    assert not any("values that are kept of " in reason for reason in every.json["implausible"])
+    accepted = calibrated(spoilt(tmp_path, turned), "-o", bad, "--force", "--accept")
+    assert accepted.code == 0
+    told = calibrated(TABLE, "--select", "l1", "-p", bad).json["implausible"]
+    assert not any("values that are kept of " in reason for reason in told)

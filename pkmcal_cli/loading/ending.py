@@ -33,6 +33,12 @@ class Ending:
         return (f"warning: {file}: the fit ended with status `{self.status}`{f': {why}' if why else ''}",)
 
 
+    @property
+    def believed(self) -> bool:
+        """Whether nobody has to doubt what is kept of the file, or somebody has accepted it."""
+        return self.accepted or self.status in (None, "converged", "incomplete")
+
+
 def provenance_of_doubts(reasons: Sequence[str], accepted: bool) -> dict[str, Any]:
     """Entries of a provenance, of a fit that is implausible for some reasons; {} without."""
     if not reasons:

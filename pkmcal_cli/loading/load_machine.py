@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pkmcal_cli.base.errors import BadInput, Fault, FaultList, Location
-from pkmcal_cli.base.plural import count
+from pkmcal_cli.base.plural import count, listed
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.compiler import Compiled, compile_machine
 from pkmcal_cli.compiler.assemble import BadConfiguration
@@ -106,12 +106,12 @@ def _raise_errors(kept: Sequence[Fault]) -> list[Fault]:
     return faults.warnings
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Start:
     """Parameter values (P,), SI, of a file or nominal; its sha256 by name; what is to be said of it.
 
     covariance: names and matrix (p, p), SI, and evidence, where the file tells them. unknown: of which sessions it says
-    nothing.
+    nothing. doubted: names of its parameters, where its fit is not to be believed.
     """
 
     values: Array
@@ -120,6 +120,13 @@ class Start:
     covariance: tuple[tuple[str, ...], Array] | None = None
     evidence: Evidence | None = None
     unknown: UnknownSessions = NOTHING_UNKNOWN
+    doubted: tuple[str, ...] = ()
+
+    def doubts(self, fitted: Collection[str]) -> tuple[str, ...]:
+        """Why a calibration is not to be believed that keeps values of the file; fitted: those that it determines."""
+        kept = [n for n in self.doubted if n not in fitted]
+        words = f"values that are kept of {next(iter(self.inputs), '')} are of a fit that is not to be believed"
+        return (f"{words}: {listed(kept, 3)}",) if kept else ()
 
     def remarks(self, named: bool, fitted: Collection[str] = ()) -> tuple[str, ...]:
         """What every command says of the file that it takes: also of sessions that the file does not know.
@@ -135,7 +142,7 @@ def load_parameters(model: Model, path: str | None) -> Start:
 
     values = model.nominal
     if path is None:
-        return Start(values, {})
+        return Start(values=values, inputs={})
     read = read_parameters(path, model.parameters, model.fingerprint)
     for name, value in read.values.items():
         values[model.names.index(name)] = value
@@ -149,12 +156,17 @@ def load_parameters(model: Model, path: str | None) -> Start:
     if not read.of_machine:
         warnings.append(f"note: {path}: no fingerprint: cannot check which machine these values belong to")
     unknown, covariance = NOTHING_UNKNOWN, read.covariance
+    off = (n for n, v in read.values.items() if v != model.nominal[model.names.index(n)])
+    doubted = () if read.ending.believed else tuple(off)
     of_sessions = {p.name for p in model.parameters if p.session or p.per_session}
     if covariance is not None or read.others or not of_sessions.isdisjoint(read.values):
         unknown = unknown_sessions(model, read.values, read.others)
     if covariance is not None:
         covariance = with_ranges(model, covariance, unknown.zeros)
-    return Start(values, {read.file: read.sha256}, tuple(warnings), covariance, read.evidence, unknown)
+    return Start(
+        values=values, inputs={read.file: read.sha256}, warnings=tuple(warnings), covariance=covariance,
+        evidence=read.evidence, unknown=unknown, doubted=doubted,
+    )  # fmt: skip
 
 
 def _of_others(names: Sequence[str]) -> str:

@@ -213,7 +213,7 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
         else:
             held = validated(s.loaded, s.problem, fit, s.apart)
     doubts = noise_doubts(s.problem, fit, s.measured, to)
-    odd, mistakes = replace(odd, overstated=doubts.overstated), (*hints, *doubts.commanded)
+    odd, mistakes = replace(odd, overstated=doubts.overstated), (*hints, *doubts.commanded, *s.start.doubts(s.selected))
     report = CalibrationReport(s.loaded.machine, s.problem, robust_fit, held, row_origin, odd, mistakes=mistakes)
     return Calibrated(s, report)
 
