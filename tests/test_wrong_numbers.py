@@ -126,6 +126,18 @@ def test_one_number_at_several_places_is_one(tmp_path: Path) -> None:
     assert best["places"] == ["arm.length", "rod.length"] and abs(best["value"] - 398.5) < 3.3 * best["std"]
 
 
+def test_a_length_that_is_another_name_for_a_zero_is_told_beside_it(tmp_path: Path) -> None:
+    """Struts of 301 mm that are 300 mm: each drive reads 1 mm less. Upper struts, declared, are 0.1 mm off at most."""
+    file = tmp_path / "m.yaml"
+    text = (MACHINES / "hexapod7.yaml").read_text(encoding="utf-8")
+    file.write_text(text.replace("length: 300, section", "length: 301, section"), encoding="utf-8")
+    done = clean(run("diagnose", file, MACHINES / "hexapod7.csv", "--json"))
+    assert [(e["effect"], e["at"]) for e in done.json["effects"]] == [("zero", "all")]
+    (number,) = done.json["wrong_numbers"]
+    assert number["places"] == [f"lower{k}.length" for k in range(1, 8)]
+    assert abs(number["value"] - 300) < 0.1 and 0.015 < number["std"] < 0.05  # 0.05 mm, of the mean of seven, and noise
+
+
 def test_which_numbers_a_file_fixes() -> None:
     """Points of parallelograms; not what parameters change, nor zeros of frames, nor what effects add."""
     model = compile_machine(read_machine(MACHINES / "delta4.yaml"), True).model

@@ -26,7 +26,7 @@ _EXPLAINED = 0.5  # share of that which a number explains linearly, to be fitted
 _FITTED, _SHOWN, _STEPS = 5, 3, 30  # numbers, and steps of a fit
 _FREE = 1e6  # ranges: of what is placed anywhere, as a frame, nothing is known
 _SEEN = 1e-6  # share of a number's own column that parameters leave of it
-_LOSES = 5.0  # log evidence that a number has less than the best, to be no rival
+_TIE, _LOSES = 1.0, 5.0  # log evidence that a number may have less than a search, and than the best one
 
 
 @dataclass(frozen=True)
@@ -53,13 +53,15 @@ def wrong_numbers(search: Search, problem: Problem, before: Fit) -> tuple[WrongN
     cost = {n: _cost(problem, fit, 1, variance) for n, fit in fits.items()}
     without = _cost(problem, before, 0, variance)
     named = _cost(problem, search.fit, len(search.selected) - len(search.declared), variance)
-    most = min(without, named, min(cost.values()) + _LOSES)
+    most = min(without + _TIE, named + _TIE, min(cost.values()) + _LOSES)
     good = sorted((n for n in fits if cost[n] <= most), key=lambda n: cost[n])
     return tuple(_wrong(n, fits[n]) for n in good[:_SHOWN])
 
 
 def _wrong(number: FixedNumber, fit: Fit) -> WrongNumber:
-    std = float(fit.std[fit.selected.index(number.name)]) * float(np.sqrt(fit.excess))
+    k = fit.selected.index(number.name)
+    variance = fit.directions.determined_covariance()[k, k]  # by ranges where they alone tell it
+    std = float(np.sqrt(fit.excess * variance))
     return WrongNumber(number, number.value + float(fit.values[-1]), std, fit.chi2_per_dof)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.parts import ModelParameter
 
-_OF_BARS, _ELONGATION = ("elongation",), ".rest.elongation"
+_ELONGATION, _WHOLE = ".rest.elongation", 2  # dots of a member that is one element: others are parts of one
 _ADDED = (".error.", ".tangent.")  # of what effects move, and directions: no numbers of the file
 _OF_PARTS = (".at.", ".turn.")  # of frames and guides: zero where the file says nothing
 _ALIKE = 1e-9  # m or rad: the same number, at several places
@@ -43,7 +43,7 @@ class FixedNumber:
 
 
 def fixed_numbers(model: Model) -> tuple[FixedNumber, ...]:
-    """Coordinates of points, places of frames and guides, lengths of bars; and those of one size, all together."""
+    """Coordinates of points, places of frames and guides, lengths of members; those of one size, together too."""
     table = model.topology.coefficients
     single = [
         FixedNumber(
@@ -77,8 +77,8 @@ def _constants(model: Model) -> Iterator[int]:
     driven = {d.coefficient for d in topology.drives}
     used = topology.offset_vectors.offset[topology.offset_vectors.offset > 0]  # 0 pads
     vectors = topology.offset_vectors.offset_coefficients[np.unique(used)]
-    bars = [g.rest for g in topology.groups if g.element.strains == _OF_BARS]
-    lengths = (k for rest in bars for k in range(rest.start, rest.stop))
+    rest = (k for g in topology.groups for k in range(g.rest.start, g.rest.stop))
+    lengths = (k for k in rest if table.labels[k].endswith(_ELONGATION) and table.labels[k].count(".") == _WHOLE)
     for k in map(int, (*vectors.ravel(), *topology.rotations.coefficients.ravel(), *lengths)):
         label = table.labels[k]
         if k < 0 or k in changed or k in driven or any(text in label for text in _ADDED):
