@@ -126,6 +126,20 @@ def test_one_number_at_several_places_is_one(tmp_path: Path) -> None:
     assert best["places"] == ["arm.length", "rod.length"] and abs(best["value"] - 398.5) < 3.3 * best["std"]
 
 
+def test_also_beside_an_instrument_that_stands_anywhere(tmp_path: Path) -> None:
+    """Whose axes are turned by 0.4 rad, 2 m off: its place is no explanation, and is not in the way of one."""
+    file, table = machine(tmp_path, arm=413.0), measured(tmp_path, 4)
+    file.write_text(file.read_text(encoding="utf-8").replace("frame: machine", "frame: fitted"), encoding="utf-8")
+    head, *rows = table.read_text(encoding="utf-8").splitlines()
+    cells = np.array([[float(v) for v in row.split(",")] for row in rows])
+    c, s = math.cos(0.4), math.sin(0.4)
+    cells[:, 2:] = cells[:, 2:] @ np.array([[c, s], [-s, c]]) + [2000.0, -300.0]
+    table.write_text("\n".join([head, *(",".join(map(repr, row)) for row in cells.tolist())]) + "\n", encoding="utf-8")
+    done = clean(run("diagnose", file, table, "--json"))
+    told = {n["places"][0]: n for n in done.json["wrong_numbers"]}
+    assert abs(told["arm.length"]["value"] - 410.0) < 3.3 * told["arm.length"]["std"] < 1.0
+
+
 def test_a_length_that_is_another_name_for_a_zero_is_told_beside_it(tmp_path: Path) -> None:
     """Struts of 301 mm that are 300 mm: each drive reads 1 mm less. Upper struts, declared, are 0.1 mm off at most."""
     file = tmp_path / "m.yaml"

@@ -44,8 +44,9 @@ def wrong_numbers(search: Search, problem: Problem, before: Fit) -> tuple[WrongN
 
     before: the fit of the problem, as it is without effects. None where the search was for some effects alone.
     """
-    begin = replace(search.candidates, model=problem.model, start=None).begin()
-    screened = _screened(problem, before, begin) if search.candidates.only is None else []
+    at = before.values if before.status == "converged" else replace(search.candidates, model=problem.model).begin()
+    begin = np.where([p.stated for p in problem.model.parameters], problem.model.nominal, at)
+    screened = _screened(problem, before, at) if search.candidates.only is None else []
     fits = {n: fit for n, size in screened if (fit := _fitted(problem, n, before, begin, size))}
     if not fits:
         return ()
@@ -78,10 +79,12 @@ def _off_nominal(model: Model, names: tuple[str, ...], values: Array) -> Array:
     return np.where(stated, 2.0 * (values[index] - model.nominal[index]) / model.ranges[index], 0.0)
 
 
-def _screened(problem: Problem, fit: Fit, begin: Array) -> list[tuple[FixedNumber, float]]:
-    """Numbers that linearly explain most of what the nominal machine leaves, with their shifts, SI; the best first."""
+def _screened(problem: Problem, fit: Fit, at: Array) -> list[tuple[FixedNumber, float]]:
+    """Numbers that explain most of what the nominal machine leaves, with their shifts, SI; the best first.
+
+    Linear from values (P,), SI.
+    """
     numbers, model = fixed_numbers(problem.model), problem.model
-    at = fit.values if fit.status == "converged" else begin
     for number in numbers:
         model = number.freed(model)
     every = np.append(at, np.zeros(len(numbers)))
