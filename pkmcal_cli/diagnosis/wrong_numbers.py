@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
@@ -87,19 +86,19 @@ def _screened(problem: Problem, fit: Fit, at: Array) -> list[tuple[FixedNumber, 
     numbers, model = fixed_numbers(problem.model), problem.model
     for number in numbers:
         model = number.freed(model)
-    every = np.append(at, np.zeros(len(numbers)))
+    every, states = np.append(at, np.zeros(len(numbers))), fit.after.start if at is fit.values else None
     try:
-        linear = linear_problem(replace(problem, model=model), every, fit.selected, [n.name for n in numbers], None)
+        linear = linear_problem(replace(problem, model=model), every, fit.selected, [n.name for n in numbers], states)
     except (RowsFailed, np.linalg.LinAlgError):
         return []
     stated = np.array([p.stated for p in problem.model.parameters if p.name in fit.selected])
     known = linear.of(fit.selected)  # (n, p), in half ranges
     nominal = linear.residual + known @ _off_nominal(problem.model, fit.selected, at)
     scaled = known * np.where(stated, 1.0, _FREE)
-    factor = cho_factor(np.eye(scaled.shape[1]) + scaled.T @ scaled)
+    normal = np.eye(scaled.shape[1]) + scaled.T @ scaled
 
     def free(x: Array) -> Array:
-        return np.asarray(x - scaled @ cho_solve(factor, scaled.T @ x))
+        return np.asarray(x - scaled @ np.linalg.solve(normal, scaled.T @ x))
 
     left, out = free(nominal), list[tuple[float, FixedNumber, float]]()
     cost = float(nominal @ left)

@@ -27,8 +27,8 @@ class FixedNumber:
 
     @property
     def name(self) -> str:
-        """The name of the parameter that shifts it."""
-        return ", ".join(self.places)
+        """The name of the parameter that shifts it: places may have one name, as a frame and a guide in it."""
+        return f"number {', '.join(str(k) for k, _ in self.coefficients)}"
 
     def freed(self, model: Model) -> Model:
         """The model with a parameter of any size that shifts it."""
