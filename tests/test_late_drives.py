@@ -106,12 +106,12 @@ def test_drives_and_sessions_are_judged_by_themselves() -> None:
     assert told(readings, true[rows], rows, sessions) == {"q2": [1, 1], "q3": [2]}
 
 
-@pytest.mark.parametrize("rows", [24, 60])
-def test_on_a_raster_in_equal_steps_a_plainer_cause_is_left_to_the_search(rows: int) -> None:
-    """There a zero, or a play where the drive turns, reads the same as a row late; scales read alike anywhere."""
-    back_and_forth = 0.01 * np.abs((np.arange(rows) + 6) % 12 - 6)
+@pytest.mark.parametrize(("rows", "half"), [(24, 6), (60, 6), (600, 150)])
+def test_on_a_raster_in_equal_steps_a_plainer_cause_is_left_to_the_search(rows: int, half: int) -> None:
+    """There a zero, or a play where the drive turns, reads nearly the same as a row late; scales do not."""
+    back_and_forth = 0.01 * np.abs((np.arange(rows) + half) % (2 * half) - half)
     up = 0.01 * np.arange(rows)
-    moves = np.sign(np.diff(back_and_forth, prepend=0.07))
+    moves = np.sign(np.diff(back_and_forth, prepend=0.01 * (half + 1)))
     true = np.stack([up, back_and_forth + 0.01 * moves, np.random.default_rng(1).uniform(0.1, 0.9, rows)], axis=1)
     readings = np.stack([up - 0.01, back_and_forth, 1.02 * true[:, 2]], axis=1)
     assert told(readings, true, np.arange(rows), np.zeros(rows, dtype=int)) == {}
