@@ -11,6 +11,7 @@ import pytest
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.gross_errors.late_drives import explain_late_drives
+from pkmcal_cli.gross_errors.plausibility import Hint, MovedReadings
 from pkmcal_cli.gross_errors.row_shift import apply_shifts
 from tests.command import MACHINES, clean, run
 
@@ -104,6 +105,15 @@ def test_drives_and_sessions_are_judged_by_themselves() -> None:
     readings[30:, 2] = late(readings[30:, 2], 2)
     rows = np.arange(1, 60, 2)
     assert told(readings, true[rows], rows, sessions) == {"q2": [1, 1], "q3": [2]}
+
+
+def test_what_is_an_alternative_mends_nothing() -> None:
+    moved = (MovedReadings(("q1",), 1, 0, 1),)
+    hint = Hint(kind="rows", names=("q1",), message="late", before=1.0, after=0.0, rows=(3, 4), moved=moved)
+    assert hint.mends
+    other, part = hint.unmended("alternatively, "), hint.of_some(np.arange(10, 20), "from row 10 on: ")
+    assert other.message == "alternatively, late" and not other.mends
+    assert part.message == "from row 10 on: late" and part.rows == (13, 14) and not part.mends
 
 
 @pytest.mark.parametrize(("rows", "half"), [(24, 6), (60, 6), (600, 150)])

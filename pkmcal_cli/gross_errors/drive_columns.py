@@ -108,7 +108,7 @@ def _predicted(
     predicted = np.where(prediction.solved[:, None], prediction.values, np.nan)
     for k, (readings, there) in enumerate(drives):
         chunk = slice(k * len(part), (k + 1) * len(part))
-        yield readings, np.where(there[:, None], predicted[chunk], np.nan), prediction.solved[chunk] & there
+        yield readings, np.where(there[:, None], predicted[chunk], np.nan), prediction.solved[chunk]
 
 
 def _changes(problem: Problem, kind: str) -> Iterator[_Change]:
