@@ -11,14 +11,18 @@ import pytest
 
 from pkmcal_cli.calibration import predictable, step
 from pkmcal_cli.calibration.fit import Fit
-from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.calibration.identify import RowsFailed, identify
+from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.patience import COMPARED, Patience
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate, linearise
 from pkmcal_cli.calibration.selection import select
+from pkmcal_cli.compiler import compile_machine
 from pkmcal_cli.diagnosis import refits, search
 from pkmcal_cli.diagnosis.run_diagnosis import diagnose
 from pkmcal_cli.diagnosis.scoring import Search
+from pkmcal_cli.language.machine_yaml import read_machine
+from pkmcal_cli.tables.measurements import read_measurements
 from tests.benchmark.setting import ALPHA, diagnosed, ready
 from tests.command import MACHINES, clean, run
 from tests.hangprinter_cases import measured
@@ -97,6 +101,23 @@ def test_a_fit_that_is_far_off_and_finds_no_easy_step_is_given_up(
     fit = identify(problem, select(problem.model, "auto"), patience=Patience(hopeless))
     assert (fit.status, fit.stopped) == ("not_converged", "no_descent")
     assert (len(tried) == 4) == given_up and len(tried) >= 4
+
+
+def test_one_of_several_fits_is_none_where_it_tears_the_machine(tmp_path: Path) -> None:
+    """A joint of the redundant delta is 3 mm off in the file: steps lead to poses by which drives disagree far too much.
+
+    The only fit there is looks for others, with each step compared; of several one less is no loss.
+    """
+    file = tmp_path / "m.yaml"
+    text = (MACHINES / "delta4.yaml").read_text(encoding="utf-8")
+    file.write_text(text.replace("P1a: [r1, 40, 0]", "P1a: [r1, 43, 0]"), encoding="utf-8")
+    machine = read_machine(file)
+    model = compile_machine(machine).model
+    table = read_measurements([MACHINES / "delta4.csv"], machine)
+    problem, selected = problem_of(model, table).take(np.arange(0, 80, 8)), select(model, "auto")
+    with pytest.raises(RowsFailed):
+        identify(problem, selected, patience=Patience(1e9))
+    assert identify(problem, selected).usable
 
 
 @pytest.mark.parametrize(

@@ -102,6 +102,11 @@ def test_it_says_what_to_do(tmp_path: Path) -> None:
     assert "Check it in the drawing and correct it, or declare it as a parameter" in done.err
 
 
+def test_where_some_effects_alone_are_tested_nobody_asks(tmp_path: Path) -> None:
+    done = clean(run("diagnose", machine(tmp_path, arm=413.0), measured(tmp_path, 1), "--json", "--only", "backlash@qa"))
+    assert done.json["wrong_numbers"] == []
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_nothing_of_the_sort_where_the_file_is_right(seed: int, tmp_path: Path) -> None:
     done = diagnosed(tmp_path, seed)
