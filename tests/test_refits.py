@@ -104,7 +104,7 @@ def test_a_fit_that_is_far_off_and_finds_no_easy_step_is_given_up(
 
 
 def test_one_of_several_fits_is_none_where_it_tears_the_machine(tmp_path: Path) -> None:
-    """A joint of the redundant delta is 3 mm off in the file: steps lead to poses by which drives disagree far too much.
+    """A joint of the redundant delta is 3 mm off in the file: steps lead where drives disagree far too much.
 
     The only fit there is looks for others, with each step compared; of several one less is no loss.
     """
