@@ -21,7 +21,7 @@ from pkmcal_cli.report.diagnosis import DiagnosisReport
 from pkmcal_cli.report.evidence import evidence_of
 from pkmcal_cli.report.improved_machine import effect_key, null_lines, option_lines, validity
 from pkmcal_cli.report.joint_uncertainty import correlations, data_lines
-from pkmcal_cli.report.number_format import handy, uncertain
+from pkmcal_cli.report.number_format import handy, uncertain, unit_of_size
 from pkmcal_cli.report.parameters import is_weak, reasons_against
 from pkmcal_cli.report.sentences import listed
 from pkmcal_cli.report.shape_text import shape_lines
@@ -128,7 +128,7 @@ class ImprovedFiles:
     def estimate_text(self, name: str) -> str:
         """An estimate with its uncertainty."""
         value, std = self.estimate(name)
-        unit = self._unit(name)
+        unit = unit_of_size(value, self._unit(name), self.diagnosis.file_units)
         if name not in self.improvement.fit.selected:
             known = {n for h in self.improvement.accepted for n, _ in h.known}
             return handy(value, unit) if name in known else f"held at {handy(value, unit)} ({_INSEPARABLE})"
