@@ -89,3 +89,9 @@ def test_it_is_what_a_calibration_of_these_rows_states(machine: Path, tmp_path: 
 def test_nothing_is_said_where_all_are_identified(machine: Path) -> None:
     done = clean(run("plan", machine, *GRID, "--select", "all", "--aim", "o2 1 mm", "--json"))
     assert done.json["aim"]["held_adds"] == 0.0 and "not identified add" not in done.err
+
+
+def test_a_plan_without_poses_says_what_would_give_some(machine: Path) -> None:
+    """A file that states no workspace: the help was a grid only, though 50 poses come by themselves with one."""
+    done = run("plan", machine)
+    assert done.code == 2 and "`workspace` in the machine file" in done.err

@@ -99,12 +99,12 @@ def handy(value: float, unit: Unit) -> str:
     return f"{three_digits(value / unit.scale)}{'' if unit.text == '1' else f' {unit.text}'}"
 
 
-def unit_of_size(value: float, unit: Unit, own: Iterable[Unit]) -> Unit:
+def unit_of_size(value: float, unit: Unit, file_units: Iterable[Unit]) -> Unit:
     """The unit in which the size (SI) of an effect is told: its own, or if that takes five digits and more the file's
-    (one of `own`, of its dimension), else a multiple: 150 mm instead of 150000 um, 25 deg instead of 436000 urad."""
+    (one of `file_units`, of its dimension), else a multiple: 150 mm instead of 150000 um, 25 deg instead of 436000 urad."""
     if abs(value) < _LONG * unit.scale:
         return unit
-    larger = [u for u in own if u.dimension == unit.dimension and u.scale > unit.scale]
+    larger = [u for u in file_units if u.dimension == unit.dimension and u.scale > unit.scale]
     if larger and unit.dimension.name in ("length", "angle"):
         return larger[0]
     while abs(value) >= _LONG * unit.scale and unit.text in _LARGER:
