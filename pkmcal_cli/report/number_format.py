@@ -101,7 +101,7 @@ def handy(value: float, unit: Unit) -> str:
 
 def unit_of_size(value: float, unit: Unit, file_units: Iterable[Unit]) -> Unit:
     """The unit in which the size (SI) of an effect is told: its own, or if that takes five digits and more the file's
-    (one of `file_units`, of its dimension), else a multiple: 150 mm instead of 150000 um, 25 deg instead of 436000 urad."""
+    (one of `file_units`, of its dimension), else a multiple: 25 deg instead of 436000 urad."""
     if abs(value) < _LONG * unit.scale:
         return unit
     larger = [u for u in file_units if u.dimension == unit.dimension and u.scale > unit.scale]
