@@ -105,8 +105,8 @@ def bare_shapes(problem: Problem) -> list[PlacedEffect]:
 def _over_time(rows: Rows) -> list[str]:
     """What follows the name of a drive where its shape is one over time; none where times are not known.
 
-    Such a shape belongs to its session, where there is a single one or all have the same times of a day: it says nothing
-    of another. Sessions one after the other have one course of time, which tells them apart.
+    Such a shape belongs to its session, where there is one only or their times overlap: it says nothing of another.
+    Sessions one after the other have one course of time, which tells them apart.
     """
     time, named = rows.columns.get("time", np.full(len(rows), np.nan)), rows.named_sessions
     if not np.isfinite(time).all():
