@@ -1,4 +1,4 @@
-"""Files that `improve` writes of a displacement without a name: the two belong together, and a session keeps its own."""
+"""Files that `improve` writes of a displacement without a name belong together, and a session keeps its own shape."""
 
 from __future__ import annotations
 
