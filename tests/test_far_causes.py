@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -50,6 +51,7 @@ def test_a_length_forgotten_in_every_belt_is_named(tmp_path: Path) -> None:
     (size,) = found["parameters"]
     assert abs(size["value"] - 150_000) < 4 * size["std"] < 15_000, "with what the radii of drums that are held add"
     assert size["unit"] == "um"
+    assert re.search(r"every drive is off by 1[45]\d\.?\d*\(\d+\) mm\.", done.err), "to people in millimetres"
     assert len(found["far_off"]) > 3 and max(map(abs, found["far_off"].values())) > 100, "anchors, in mm"
     assert "far beyond the plausible range: zero@all" in done.err
     assert "Without it, parameters come out far off nominal: " in done.err

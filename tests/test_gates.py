@@ -58,6 +58,13 @@ def test_the_change_is_that_of_the_tool_point_at_the_same_set_values(tmp_path: P
     assert none["kept"] and none["value"] == pytest.approx(0, abs=1e-3)  # um: the fit ends where it began
 
 
+def test_a_turn_of_a_point_without_orientation_is_not_known() -> None:
+    """The tool point of the Triglide is a node: a limit in degrees was kept whatever happened."""
+    code, (turn, shift), told = judged("change 1 deg", "change 1 m")
+    assert code == 1 and turn["value"] is None and not turn["kept"] and shift["kept"]
+    assert "largest change of the tool point's orientation: unknown, so the limit of 1 deg is missed" in told
+
+
 @pytest.mark.parametrize(
     ("limit", "told"),
     [("heldout 0.002 mm", "0.008553 mm, above the limit of 0.002 mm"), ("chi2 3", "144.4, above the limit of 3 ")],

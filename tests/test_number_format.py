@@ -7,7 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from pkmcal_cli.report.number_format import handy, plain_number, plausible_share, readable, uncertain, unknown
+from pkmcal_cli.report.number_format import (
+    handy,
+    plain_number,
+    plausible_share,
+    readable,
+    uncertain,
+    unit_of_size,
+    unknown,
+)
 from pkmcal_cli.units.unit_text import parse_unit
 from tests.command import run
 
@@ -31,6 +39,28 @@ def test_numbers_are_plain() -> None:
 )
 def test_amounts_have_units_that_suit_them(value: float, unit: str, text: str) -> None:
     assert handy(value, parse_unit(unit)) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "own", "text"),
+    [
+        (0.15, "um", ("mm", "deg"), "mm"),
+        (9.9e-3, "um", ("mm", "deg"), "um"),
+        (-0.0254, "um", ("in", "deg"), "in"),
+        (0.15, "um", ("um", "deg"), "mm"),
+        (-0.437, "urad", ("mm", "deg"), "deg"),
+        (0.437, "urad", ("mm", "rad"), "rad"),
+        (0.437, "urad", ("mm", "urad"), "mrad"),
+        (0.02, "um/m", ("mm", "deg"), "mm/m"),
+        (0.5, "deg", ("mm", "rad"), "deg"),
+        (0.0, "um", ("mm", "deg"), "um"),
+    ],
+)
+def test_sizes_of_five_digits_are_told_in_a_larger_unit(
+    value: float, unit: str, own: tuple[str, ...], text: str
+) -> None:
+    """The zero of a drive that was 25 deg off was -437300(1900) urad."""
+    assert unit_of_size(value, parse_unit(unit), [parse_unit(u) for u in own]).text == text
 
 
 @pytest.mark.parametrize(("unit", "text"), [("mm", "12.34 um"), ("in", "0.0004858 in"), ("deg", "12.34 urad")])

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
@@ -25,8 +27,8 @@ from pkmcal_cli.effects.unexplained import (
     even_knots,
     unexplained,
 )
-from pkmcal_cli.model.effect_sites import PlacedEffect
-from pkmcal_cli.prediction import WarmStart
+from pkmcal_cli.model.effect_sites import PlacedEffect, in_session
+from pkmcal_cli.prediction import Rows, WarmStart
 
 _WIDTHS = (0.04, 0.08, 0.15, 0.3)  # of shapes, in shares of the axis
 _MOST_KNOTS = 41
@@ -80,7 +82,7 @@ def places(problem: Problem, values: Array, start: WarmStart | None) -> tuple[Sh
         sites = tuple(u for u in units if u.placed is placed)
         effect = placed.effect
         assert isinstance(effect, Unexplained)
-        x = tuple(effect.at(u.inputs) for u in sites)
+        x = tuple(_in_its_rows(effect.at(u.inputs), problem.rows, placed.acts_in) for u in sites)
         if sites and all(np.isfinite(each).all() for each in x) and max(float(np.ptp(each)) for each in x) > 0:
             out.append(ShapeSite(placed, sites, x))
     return tuple(out)
@@ -90,8 +92,7 @@ def bare_shapes(problem: Problem) -> list[PlacedEffect]:
     """A displacement at every drive and guide, over its travel, and at every drive over time; of any shape."""
     any_shape = FreeShape(knots=(0.0, 1.0, 2.0), spread=1.0, width=1.0)
     axes: list[tuple[Axis, str]] = [("travel", "")]
-    if np.isfinite(problem.rows.columns.get("time", np.nan)).all():
-        axes.append(("time", OVER_TIME))
+    axes += [("time", suffix) for suffix in _over_time(problem.rows)]
     return [
         placed_shape(unexplained(entry, any_shape, axis), name + suffix, sites)
         for entry in ENTRIES
@@ -99,6 +100,32 @@ def bare_shapes(problem: Problem) -> list[PlacedEffect]:
         if axis == "travel" or entry == "command"
         for name, sites in problem.model.sites.get(entry, {}).items()
     ]
+
+
+def _over_time(rows: Rows) -> list[str]:
+    """What follows the name of a drive where its shape is one over time; none where times are not known.
+
+    Such a shape belongs to its session, where there is one only or their times overlap: it says nothing of another.
+    Sessions one after the other have one course of time, which tells them apart.
+    """
+    time, named = rows.columns.get("time", np.full(len(rows), np.nan)), rows.named_sessions
+    if not np.isfinite(time).all():
+        return []
+    spans = sorted((float(t.min()), float(t.max())) for s in named if len(t := time[_flags(rows, s)]))
+    if len(spans) > 1 and all(before[1] <= after[0] for before, after in pairwise(spans)):
+        return [OVER_TIME]
+    return [in_session(OVER_TIME, s) for s in named] or [OVER_TIME]
+
+
+def _in_its_rows(x: Array, rows: Rows, session: str) -> Array:
+    """Places (N,); those of rows of other sessions, in which a shape does nothing, are the first one of its own."""
+    inside = _flags(rows, session) if session else np.ones(len(x), dtype=bool)
+    return np.where(inside, x, x[inside].min(initial=np.inf)) if inside.any() else np.full(len(x), np.nan)
+
+
+def _flags(rows: Rows, session: str) -> NDArray[np.bool_]:
+    """Which rows (N,) belong to a session."""
+    return np.asarray(rows.columns[f"session.{session}"] > 0)
 
 
 def fitted_shapes(linear: Linear, scale: Scale, kinds: Sequence[ShapeSite]) -> list[FittedShape]:

@@ -12,7 +12,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.diagnosis.alikeness import cosines
 from pkmcal_cli.diagnosis.beyond_range import begun_beyond
 from pkmcal_cli.diagnosis.confirm import held_out_gain
-from pkmcal_cli.diagnosis.hypotheses import Hypothesis
+from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
 from pkmcal_cli.diagnosis.refits import refit
 from pkmcal_cli.diagnosis.score import log_evidence
 from pkmcal_cli.diagnosis.scoring import Scored, Search, score_without, shape_gains
@@ -21,6 +21,7 @@ from pkmcal_cli.diagnosis.warming import alike_in_time, fits_as_well
 
 RIVALS = 4
 _FITS = 12  # with others in the place of an accepted effect, at most
+_SAME = 0.99999  # cosine at which an effect is another name for a parameter beside what was found
 CREDIBLE = 0.95
 
 
@@ -77,7 +78,7 @@ def confirmed_only(search: Search) -> Search:
     while True:
         refuted = [h for h in search.near if held_out_gain(search, h).contradicts]
         if not refuted:
-            return search
+            return declared_first(search)
         worst = min(refuted, key=lambda h: search.evidence[h.name])
         dropped.add(worst)
         better = _confirmed_rival(search, worst, dropped)
@@ -88,6 +89,20 @@ def confirmed_only(search: Search) -> Search:
                 return search
             better = replace(others, fit=fit, vetoed=(*search.vetoed, worst))
         search = better
+
+
+def declared_first(search: Search) -> Search:
+    """The search in which a parameter that the machine file names and holds stands for an effect of one number that is
+    another name for it beside what else was found: two zeros are one zero and the zero of all."""
+    for h in (h for h in search.near if h.effect != RELEASE and len(h.parameters) == 1 and not h.begin):
+        opened = [o for o in search.open_without([h]) if o.effect == RELEASE]
+        scores = score_without(search, [h], (h, *opened))
+        alike = cosines(scores.linear, scores.hypotheses, scores.scores, 0, range(len(scores.hypotheses)))
+        for k in (k for k in range(1, len(alike)) if alike[k] > _SAME and not scores.unusual[k]):
+            after = replaced(search, h, scores, k)
+            if after is not None and gain(search, after, scores, k) + scores.hypotheses[k].preference > h.preference:
+                return declared_first(renamed(after, scores, k))
+    return search
 
 
 def _confirmed_rival(search: Search, hypothesis: Hypothesis, dropped: Collection[Hypothesis]) -> Search | None:
@@ -133,7 +148,7 @@ def final_evidence(search: Search, hypothesis: Hypothesis, scores: Scored) -> Ar
         ahead = [k for k in (*best, *better[ranked(evidence[better])].tolist()) if k not in seen]
         if not ahead:
             return evidence
-        by_fit = evidence[0] + _fitted_gain(search, hypothesis, scores, shape, ahead[0])
+        by_fit = evidence[0] + _fitted_gain(search, hypothesis, scores, shape + preferences(scores), ahead[0])
         evidence[ahead[0]] = min(evidence[ahead[0]], by_fit)
         seen.add(ahead[0])
     unseen = [k for k in range(len(evidence)) if k not in seen]
@@ -213,7 +228,7 @@ def _needless_groups(hypotheses: Sequence[Hypothesis], evidence: Array) -> NDArr
 def _fitted_gain(search: Search, hypothesis: Hypothesis, scores: Scored, shape: Array, k: int) -> float:
     """By how much more log evidence rival k has than the accepted effect (0), by a fit with it; 0 where there is none.
 
-    shape (H,): what each gains by a shape of its own.
+    shape (H,): what each gains by a shape of its own, and by what goes before others.
     """
     after = replaced(search, hypothesis, scores, k)
     return 0.0 if after is None else gain(search, after, scores, k) + float(shape[k] - shape[0])

@@ -166,5 +166,6 @@ def even_knots(low: float, high: float, spacing: float, most: int) -> tuple[floa
 
 
 def place_and_axis(at: str) -> tuple[str, Axis]:
-    """The drive or guide, and the axis of a shape there."""
-    return (at.removesuffix(OVER_TIME), "time") if at.endswith(OVER_TIME) else (at, "travel")
+    """The drive or guide, and the axis of a shape there, whatever session it belongs to: `q2:time[monday]`."""
+    place = at.partition("[")[0]
+    return (place.removesuffix(OVER_TIME), "time") if place.endswith(OVER_TIME) else (place, "travel")

@@ -54,7 +54,8 @@ class PoseSource:
         both = self.path is not None and self.grid is not None
         if both or (self.path is None and self.grid is None and not self.stands):
             raise UsageError(
-                "give either a table of poses or --grid", hint='for example --grid "x=0:950:3,y=160:390:77"'
+                "give either a table of poses or --grid",
+                hint='for example --grid "x=0:950:3,y=160:390:77", or with a `workspace` in the machine file --grid 40',
             )
         self._asked: Grid | Poses | None = None
         if self.grid is not None:

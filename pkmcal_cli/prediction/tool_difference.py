@@ -18,7 +18,7 @@ from pkmcal_cli.units.measurands import Measurand
 def tool_difference(before: tuple[Model, Array], after: tuple[Model, Array], rows: Rows) -> tuple[Array, Array]:
     """Compare the tool of two machines with values (P,): distances (N,), m, angles (N,), rad; nan where unsolved.
 
-    Angles are 0 for a tool point that has no orientation.
+    Angles are nan for a tool point that has no orientation.
     """
     one, other = (predict(tcp_model(model), values, rows).values for model, values in (before, after))
     channels = tcp_model(before[0]).channels
@@ -26,7 +26,7 @@ def tool_difference(before: tuple[Model, Array], after: tuple[Model, Array], row
     angles = [k for k, c in enumerate(channels) if c.measurand is Measurand.ORIENTATION]
     distance = np.linalg.norm(other[:, positions] - one[:, positions], axis=1)
     if not angles:
-        return distance, np.where(np.isnan(distance), np.nan, 0.0)
+        return distance, np.full(len(distance), np.nan)
     if len(angles) == 1:
         return distance, np.abs(np.remainder(other[:, angles[0]] - one[:, angles[0]] + np.pi, 2 * np.pi) - np.pi)
     rotations = exp(np.nan_to_num(one[:, angles])), exp(np.nan_to_num(other[:, angles]))

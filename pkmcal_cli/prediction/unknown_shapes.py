@@ -56,6 +56,8 @@ def outside_knots(model: Model, rows: Rows) -> dict[str, int]:
             margin = 1e-9 * (high - low)
             x = np.stack([effect.at(SiteInputs(site, model, rows, placed, None)) for site in placed.sites])
             beyond = ((x < low - margin) | (x > high + margin)).any(axis=0)
+            if placed.acts_in:
+                beyond &= rows.columns.get(f"session.{placed.acts_in}", np.zeros(len(rows))) > 0
             if beyond.any():
                 out[placed.name] = int(beyond.sum())
     return out

@@ -18,6 +18,7 @@ from pkmcal_cli.report.parameters import parameter_unit
 from pkmcal_cli.units.unit_text import parse_unit
 
 _MOST = 400  # points that a plan adds
+_WORTH = 0.3  # of an uncertainty: from there on it is worth saying what is added to it
 _ENOUGH = 2.0  # standard deviations of the prior: the plausible size
 OTHER_MEASUREMENTS = "other measurements: a further instrument or coordinate, or the length itself on the bench"
 """What tells of a parameter where poses do not."""
@@ -25,12 +26,16 @@ OTHER_MEASUREMENTS = "other measurements: a further instrument or coordinate, or
 
 @dataclass(frozen=True)
 class Reached:
-    """A parameter's standard uncertainty, SI, by the plan, and with the fewest points that reach a limit, if any do."""
+    """A parameter's standard uncertainty, SI, by the plan, and with the fewest points that reach a limit, if any do.
+
+    held: what parameters that are not identified add to it, where that is not in it.
+    """
 
     name: str
     limit: float
     before: float
     after: float
+    held: float = 0.0
 
     @property
     def done(self) -> bool:
@@ -89,6 +94,7 @@ class Added:
             "after": finite(after / scale),
             "unit": unit,
             "reached": None if self.reached is None else self.reached.done,
+            "held_adds": None if self.reached is None else finite(self.reached.held / scale),
         }
 
     def cells(self, model: Model) -> list[dict[str, Any]]:
@@ -108,6 +114,8 @@ class Added:
         """What the points bring, and where they are."""
         to.say()
         to.say(self._summary(model))
+        if self.reached is not None and self.reached.held > _WORTH * self.reached.after:
+            to.say(self._beside_held(model, self.reached))
         if len(self.points):
             self.show_points(to, model)
 
@@ -139,6 +147,14 @@ class Added:
         }[self.aim.kind]
         before, after = (self._figure_text(model, x) for x in self.figures)
         return f"{points}: {words} {before} -> {after}"
+
+    def _beside_held(self, model: Model, reached: Reached) -> str:
+        """What a calibration will add to the uncertainty, and what to do about it."""
+        added = readable(reached.held, parameter_unit(model, reached.name))
+        return (
+            f"note: parameters that are not identified add {added} (`held adds` of `calibrate`), which no points take "
+            "away; identify them too (`--select`), or measure them and state smaller ranges"
+        )
 
     def _figure_text(self, model: Model, value: float) -> str:
         """An aim's figure: a size in its unit, or as a share of the plausible ones where effects differ."""

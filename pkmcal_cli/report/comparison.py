@@ -57,7 +57,7 @@ class ToolChange:
     """Change of the tool point's position, m, or where it only turns, of its orientation, rad.
 
     Rms, that by chance alone, largest with its uncertainty, and where. alone: the one parameter by which it is
-    computed, None for all.
+    computed, None for all; file_unit: of the machine file, in which people are told.
     """
 
     rms: float
@@ -69,6 +69,7 @@ class ToolChange:
     over: str
     alone: str | None
     turns: bool
+    file_unit: Unit
 
     @property
     def units(self) -> tuple[Unit, Unit]:
@@ -192,7 +193,7 @@ class ComparisonReport:
         if isinstance(self.tool, str):
             to.say(f"change of the tool point: not available ({self.tool})")
             return
-        t, unit = self.tool, self.tool.units[1]
+        t, unit = self.tool, self.tool.file_unit
         alone = f", by {t.alone} alone" if t.alone else ""
         where = ", ".join(f"{axis} = {v / unit.scale:.4g} {unit.text}" for axis, v in t.where.items())
         changed = "the tool point's orientation" if t.turns else "the tool point"

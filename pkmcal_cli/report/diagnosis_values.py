@@ -21,7 +21,7 @@ from pkmcal_cli.report.bench_text import BenchText
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.failed_rows import FailedRows
 from pkmcal_cli.report.figures import unit_of
-from pkmcal_cli.report.number_format import handy, readable, uncertain
+from pkmcal_cli.report.number_format import handy, readable, uncertain, unit_of_size
 from pkmcal_cli.report.number_text import NumberText
 from pkmcal_cli.report.sentences import listed
 from pkmcal_cli.tables.measurement_set import Measurements
@@ -101,6 +101,11 @@ class DiagnosisValues:
         return parse_unit(declared.unit or "1")
 
     @property
+    def file_units(self) -> tuple[Unit, ...]:
+        """Of bare lengths and angles in the machine file."""
+        return self.machine.file_units.length, self.machine.file_units.angle
+
+    @property
     def length_unit(self) -> Unit:
         return self.machine.file_units.length
 
@@ -145,6 +150,7 @@ class DiagnosisValues:
             keyword, _, number = name.partition("@")
             words = {p.name: p.known_as for p in catalogue()[keyword].parameters}.get(number.rpartition(".")[2])
             return label + (words or handy(finding.estimate[k], unit))
+        unit = unit_of_size(finding.estimate[k], unit, self.file_units)
         return label + uncertain(unit.from_si(finding.estimate[k]), finding.std[k] / unit.scale, unit.text)
 
     def leading(self, finding: Finding) -> int:

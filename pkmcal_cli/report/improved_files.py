@@ -12,6 +12,7 @@ from pkmcal_cli.calibration.expected_noise import reported_noise
 from pkmcal_cli.calibration.intervals import linear_intervals
 from pkmcal_cli.diagnosis.closed_loop import Improvement
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
+from pkmcal_cli.diagnosis.known_shapes import FitOfKnownShapes, fit_of_known_shapes
 from pkmcal_cli.effects import effect_named
 from pkmcal_cli.effects.unexplained import UNEXPLAINED
 from pkmcal_cli.language.fingerprint import Fingerprint
@@ -21,7 +22,7 @@ from pkmcal_cli.report.diagnosis import DiagnosisReport
 from pkmcal_cli.report.evidence import evidence_of
 from pkmcal_cli.report.improved_machine import effect_key, null_lines, option_lines, validity
 from pkmcal_cli.report.joint_uncertainty import correlations, data_lines
-from pkmcal_cli.report.number_format import handy, uncertain
+from pkmcal_cli.report.number_format import handy, uncertain, unit_of_size
 from pkmcal_cli.report.parameters import is_weak, reasons_against
 from pkmcal_cli.report.sentences import listed
 from pkmcal_cli.report.shape_text import shape_lines
@@ -105,22 +106,35 @@ class ImprovedFiles:
         std = max([std, *(s for s in stds if np.isfinite(s))])  # with what the effect's own discrepancy adds
         return value, std if np.isfinite(std) else None
 
+    @cached_property
+    def _written_fit(self) -> FitOfKnownShapes:
+        """The fit with shapes as the machine file gives them: parameters are of that machine."""
+        made = self.improvement
+        return fit_of_known_shapes(made.problem, made.fit, made.budget)
+
     def parameter_file(self, provenance: dict[str, Any], fingerprint: Fingerprint) -> str:
         """Text of the parameter file of the improved machine: declared parameters and those of accepted effects."""
-        made, fit = self.improvement, self.improvement.fit
+        made, last = self.improvement, self._written_fit
+        fit, budget = last.fit, last.budget
+        shapes = {n for shape in made.whole.search.shapes for n in shape.placed.parameters}
         effects = {n for e in self.model.effects for n in e.parameters} - set(fit.selected)
-        entries, reasons = [], reasons_against(fit)
+        entries, reasons = [], reasons_against(made.fit)
         for p in self.model.parameters:
             if p.name in effects:
                 continue
-            value, std = self.estimate(p.name)
+            value, std = self._weight(p.name) if p.name in shapes else self.estimate(p.name)
             unit, reason = parse_unit(p.unit or "1"), reasons.get(p.name, "")
             shown, known = None if std is None else std / unit.scale, std is not None and not is_weak(reason)
             entries.append(ParameterEntry(p.name, unit.from_si(value), shown, p.unit, known, reason))
         noise = reported_noise([(fold.train, fold.fit, fold.report) for fold in made.after.folds])
-        seen = evidence_of(made.problem, fit, made.after.report, fitted=False, noise=noise)
-        data = data_lines(self.model, made.problem, fit, made.budget, entries, effects)
-        return dump_parameters(entries, correlations(self.model, made.budget), provenance, fingerprint, seen, data)
+        seen = evidence_of(made.problem, made.fit, made.after.report, fitted=False, noise=noise)
+        data = data_lines(self.model, last.problem, fit, budget, entries, effects)
+        return dump_parameters(entries, correlations(self.model, budget), provenance, fingerprint, seen, data)
+
+    def _weight(self, name: str) -> tuple[float, float]:
+        """A weight of a shape, and its standard uncertainty."""
+        fit, budget = self._written_fit.fit, self._written_fit.budget
+        return float(fit.values[self.model.names.index(name)]), float(budget.std[budget.names.index(name)])
 
     def _unit(self, parameter: str) -> Unit:
         return parse_unit(self.model.parameters[self.model.names.index(parameter)].unit or "1")
@@ -128,7 +142,7 @@ class ImprovedFiles:
     def estimate_text(self, name: str) -> str:
         """An estimate with its uncertainty."""
         value, std = self.estimate(name)
-        unit = self._unit(name)
+        unit = unit_of_size(value, self._unit(name), self.diagnosis.file_units)
         if name not in self.improvement.fit.selected:
             known = {n for h in self.improvement.accepted for n, _ in h.known}
             return handy(value, unit) if name in known else f"held at {handy(value, unit)} ({_INSEPARABLE})"

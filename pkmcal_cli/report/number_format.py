@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
@@ -84,6 +85,7 @@ def three_digits(value: float) -> str:
 
 _LARGER = {"um": "mm", "mm": "m", "urad": "mrad", "um/m": "mm/m", "urad/rad": "mrad/rad", "N": "kN"}
 _SMALLER = {"m": "mm", "mm": "um", "rad": "mrad", "mrad": "urad", "mm/m": "um/m", "kN": "N", "kg": "g"}
+_LONG = 1e4  # of a unit: so many micrometres are read as millimetres
 NEVER = 1e4  # times the plausible size: no machine has so large an effect
 _SEVERAL = 2.0  # times the plausible size: from there on multiples read better than percent
 
@@ -95,6 +97,19 @@ def handy(value: float, unit: Unit) -> str:
     while 0 < abs(value) < 0.0995 * unit.scale and unit.text in _SMALLER:
         unit = parse_unit(_SMALLER[unit.text])
     return f"{three_digits(value / unit.scale)}{'' if unit.text == '1' else f' {unit.text}'}"
+
+
+def unit_of_size(value: float, unit: Unit, file_units: Iterable[Unit]) -> Unit:
+    """The unit in which the size (SI) of an effect is told: its own, or if that takes five digits and more the file's
+    (one of `file_units`, of its dimension), else a multiple: 25 deg instead of 436000 urad."""
+    if abs(value) < _LONG * unit.scale:
+        return unit
+    larger = [u for u in file_units if u.dimension == unit.dimension and u.scale > unit.scale]
+    if larger and unit.dimension.name in ("length", "angle"):
+        return larger[0]
+    while abs(value) >= _LONG * unit.scale and unit.text in _LARGER:
+        unit = parse_unit(_LARGER[unit.text])
+    return unit
 
 
 def detectable_size(value: float, plausible: float, unit: Unit) -> str:

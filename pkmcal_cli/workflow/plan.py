@@ -40,7 +40,7 @@ from pkmcal_cli.workflow.approaches import Approaches, ApproachFrom, approaches,
 from pkmcal_cli.workflow.arguments import one_stdin, present, require_measured, selection
 from pkmcal_cli.workflow.candidate_points import candidate_points
 from pkmcal_cli.workflow.next_points import next_points
-from pkmcal_cli.workflow.plan_aims import RequestedAim, fewest, requested_aim
+from pkmcal_cli.workflow.plan_aims import RequestedAim, fewest_beside_held, requested_aim
 from pkmcal_cli.workflow.plan_picture import PlannedRows, draw_plan
 from pkmcal_cli.workflow.plan_power import power_of_plan
 from pkmcal_cli.workflow.plots import Plot, check_plot
@@ -296,5 +296,5 @@ def _added(
     chosen = best_points(linear, blocks, len(problem), goal.aim, most, exchange=goal.limit is None)
     reached = None
     if goal.limit is not None:
-        chosen, reached = fewest(problem, pool, chosen, goal, values, selected)
+        chosen, reached = fewest_beside_held(problem, pool, chosen, goal, values, selected)
     return Added(goal.aim, pool.take(chosen.rows), chosen, reached), ways.take(chosen.rows)

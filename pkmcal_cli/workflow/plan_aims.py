@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pkmcal_cli.base.errors import UsageError, did_you_mean
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.error_budget import held_parameters
 from pkmcal_cli.calibration.observability_indices import observability
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.experiment_design import Aim, Chosen, with_rows
@@ -17,6 +19,7 @@ from pkmcal_cli.report.added_points import Reached
 from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.amounts import amount, require_unit, small_example
 from pkmcal_cli.workflow.named_effects import like_effect
+from pkmcal_cli.workflow.outlook import held_std
 
 OPTION = "--aim"
 UNCERTAINTY, SEPARATE = "uncertainty", "separate:"
@@ -128,3 +131,17 @@ def fewest(
             low, high = (low, middle) if std(middle) <= goal.limit else (middle, high)
     rows = np.asarray(chosen.rows[:high])
     return Chosen(rows, chosen.before, chosen.after), Reached(name, goal.limit, before, std(high))
+
+
+def fewest_beside_held(
+    problem: Problem, pool: Problem, chosen: Chosen, goal: RequestedAim, values: Array, selected: tuple[str, ...]
+) -> tuple[Chosen, Reached]:
+    """The same, and what parameters that are not identified add to the uncertainty then: no points take that away."""
+    chosen, reached = fewest(problem, pool, chosen, goal, values, selected)
+    if not math.isfinite(reached.after):
+        return chosen, reached
+    rows = with_rows(problem, pool.take(chosen.rows))
+    observed = observability(rows, values, selected)
+    held = held_parameters(problem, observed.selected, () if observed.datum is None else observed.datum.held)
+    added = held_std(rows, values, observed.selected, held, reached.name) if held else 0.0
+    return chosen, replace(reached, held=added)

@@ -20,6 +20,7 @@ from pkmcal_cli.model.tool_channels import tcp_model
 from pkmcal_cli.model.workspace import Workspace
 from pkmcal_cli.prediction import Prediction, Request, predict
 from pkmcal_cli.report.comparison import ToolChange
+from pkmcal_cli.units.file_units import FileUnits
 from pkmcal_cli.units.measurands import Measurand
 from pkmcal_cli.workflow.run_folder import INPUTS
 
@@ -55,10 +56,13 @@ def tool_change(
     prediction = predict(tool, values, poses.rows, Request(parameters=tuple(names)))
     if not prediction.solved.any():
         return "no pose of the workspace can be predicted"
-    return _change(tool, prediction, changes, names, "workspace" if model.workspace is not None else "measured travel")
+    over = "workspace" if model.workspace is not None else "measured travel"
+    return _change(tool, prediction, changes, names, over, loaded.machine.file_units)
 
 
-def _change(tool: Model, prediction: Prediction, changes: Estimate, names: list[str], over: str) -> ToolChange:
+def _change(
+    tool: Model, prediction: Prediction, changes: Estimate, names: list[str], over: str, units: FileUnits
+) -> ToolChange:
     """By derivatives of poses with respect to parameters `names`, of rows that are predicted."""
     turns = tool.tool_motion.only_turns
     good, columns = prediction.solved, tool.measuring(Measurand.ORIENTATION if turns else Measurand.POSITION)
@@ -80,6 +84,7 @@ def _change(tool: Model, prediction: Prediction, changes: Estimate, names: list[
         over=over,
         alone=names[0] if changes.alone else None,
         turns=turns,
+        file_unit=units.angle if turns else units.length,
     )
 
 

@@ -47,6 +47,8 @@ aim.before number?: for the plan; with `--next`: as it is known now; null if und
 aim.after number?: for the plan with the points added; with `--next`: expected with all that are needed
 aim.unit text?: of `std`, else null
 aim.reached flag?: whether the uncertainty aimed at is reached; null for other aims
+aim.held_adds number?: what parameters that are not identified add to `std`, with `--next` 0: there it is in `after`;
+    null for other aims
 points[].COLUMN number: commanded positions and directions of approach (`dir.ACTUATOR`) of the points to add
 bench~[].name text: length worth measuring separately: it would resolve a weak combination
 bench[].sigma number: standard uncertainty assumed for it, in `unit`
