@@ -215,6 +215,7 @@ class Effect:
     any_curve: bool = False  # over the travel, by definition: its formula is only the usual one
     proportional: bool = False  # to the travel: what bends it more than a little has another name
     harmonics: bool = False  # its orders, 0 and 1, come once and twice per period, and each may be there alone
+    row_by_row: bool = False  # its formula takes numbers that differ from row to row, (N,), as sessions have them
 
     @property
     def turns_units(self) -> bool:

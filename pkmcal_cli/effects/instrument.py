@@ -44,6 +44,7 @@ FRAME = Effect(
     parameters=_PLACE + _ROTATION_PARAMETERS,
     formula=_moved,
     common=False,
+    row_by_row=True,
     measurement=True,
     cause="The instrument {at} is not where the machine file places its frame.",
     result="All readings of {at} are shifted and rotated as one rigid body.",

@@ -6,8 +6,10 @@ complex steps, and dz/dtheta = dz/dc M dd/dtheta.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,51 +97,123 @@ def displacements(
     parts: list[Displacement] = []
     asked = {name: k for k, name in enumerate(parameters)}
     computed = iter(() if known is None else known.parts)
-    for placed in model.effects:
+    for instances in _instances(model.effects):
+        placed = instances[0]
         reactive = placed.effect.reactive
         if reactive and reactions is None:
             continue
-        if placed.acts_in and not np.any(rows.columns.get(f"session.{placed.acts_in}", 0.0)):
-            continue
-        sizes = [numbers[name] for name in placed.parameters]
-        if not any(sizes) and asked.keys().isdisjoint(placed.parameters):
+        acting = _acting(model, instances, rows, numbers, asked)
+        if acting is None or not (acting.moves or acting.asked):
             continue
         for site in placed.sites:
             if known is not None and not reactive:
                 parts.append(next(computed))
             else:
-                parts.append(_displacement(placed, SiteInputs(site, model, rows, placed, reactions), sizes, asked))
+                parts.append(_displacement(acting, SiteInputs(site, model, rows, placed, reactions), len(asked)))
     return Displacements(tuple(parts))
 
 
-def _displacement(placed: PlacedEffect, at: SiteInputs, sizes: list[float], asked: dict[str, int]) -> Displacement:
-    """One effect site's; only in the rows of the session where the effect belongs to one."""
-    on = _rows_of(placed, at)
-    chosen = [k for k, name in enumerate(placed.parameters) if name in asked]
+@dataclass(frozen=True)
+class _Acting:
+    """An effect where it acts: its numbers, which may differ from row to row, (N,), and by which it is asked.
+
+    on (N, 1): 1 in its rows, else 0; a number where in all. asked: which of its numbers, the column of its parameter,
+    and in which rows it is that parameter.
+    """
+
+    placed: PlacedEffect
+    sizes: Sequence[Any]
+    on: Array | float
+    asked: Sequence[tuple[int, int, Array | float]]
+
+    @property
+    def moves(self) -> bool:
+        """Whether anything but zeros displaces."""
+        return any(np.any(size) for size in self.sizes)
+
+
+def _instances(effects: Sequence[PlacedEffect]) -> Iterator[Sequence[PlacedEffect]]:
+    """Effects in their order; together those that are one at one place, with numbers that only sessions tell apart."""
+
+    def site(placed: PlacedEffect) -> tuple[str, ...]:
+        own = placed.session and placed.effect.row_by_row
+        return (placed.effect.keyword, placed.at) if own else (placed.name,)
+
+    for _, same in groupby(effects, site):
+        yield tuple(same)
+
+
+def _acting(
+    model: Model,
+    instances: Sequence[PlacedEffect],
+    rows: Rows,
+    numbers: Mapping[str, float],
+    asked: Mapping[str, int],
+) -> _Acting | None:
+    """Instances of one effect in their rows; None where they have none. A shared name asks for that of each row."""
+    flags = [_rows_of(e, rows) for e in instances]
+    here = [(e, on) for e, on in zip(instances, flags, strict=True) if np.any(on)]
+    if not here:
+        return None
+    placed, on = here[0]
+    sizes: list[Any] = [numbers[name] for name in placed.parameters]
+    if len(here) > 1:
+        line = np.full(len(rows), len(here))
+        for k, (_, flag) in enumerate(here):
+            line[np.asarray(flag)] = k
+        table = np.array([[numbers[name] for name in e.parameters] for e, _ in here] + [[0.0] * len(sizes)])
+        on, sizes = line < len(here), list(table[line].T)
+    columns: list[tuple[int, int, Array | float]] = []
+    for k, name in enumerate(placed.parameters):
+        if (shared := model.shared[name][0]) in asked:
+            columns.append((k, asked[shared], _factor(on)))
+            continue
+        columns += [(k, asked[e.parameters[k]], _factor(flag)) for e, flag in here if e.parameters[k] in asked]
+    return _Acting(placed, sizes, _factor(on), columns)
+
+
+def _rows_of(placed: PlacedEffect, rows: Rows) -> NDArray[np.bool_] | bool:
+    """Rows (N,) in which an effect acts; True for all."""
+    if not placed.acts_in:
+        return True
+    return np.asarray(rows.columns.get(f"session.{placed.acts_in}", np.zeros(len(rows))) > 0)
+
+
+def _factor(on: NDArray[np.bool_] | bool) -> Array | float:
+    """1 in some rows, else 0, (N, 1); 1 for all."""
+    return float(on) if isinstance(on, bool) else on[:, None].astype(float)
+
+
+def _displacement(acting: _Acting, at: SiteInputs, asked: int) -> Displacement:
+    """One effect site's, of so many parameters that are asked for; only in the rows where the effect acts."""
+    placed, sizes, on = acting.placed, acting.sizes, acting.on
     d = np.zeros((at.rows, WIDTHS[placed.effect.enters]))
-    if any(sizes):
+    if acting.moves:
         d = np.asarray(_displaced(placed, at, sizes), dtype=float) * on
-    by_parameter = np.zeros((*d.shape, len(chosen)))
-    for j, k in enumerate(chosen):
-        stepped = [value + 1j * _STEP * (i == k) for i, value in enumerate(sizes)]
-        by_parameter[..., j] = np.imag(_displaced(placed, at, stepped)) / _STEP * on
-    columns = np.array([asked[placed.parameters[k]] for k in chosen], dtype=np.intp)
+    by_number = {
+        k: np.imag(_displaced(placed, at, [value + 1j * _STEP * (i == k) for i, value in enumerate(sizes)])) / _STEP
+        for k in dict.fromkeys(k for k, _, _ in acting.asked)
+    }
+    by_parameter = np.zeros((*d.shape, len(acting.asked)))
+    for j, (k, _, rows) in enumerate(acting.asked):
+        by_parameter[..., j] = by_number[k] * rows
+    columns = np.array([column for _, column, _ in acting.asked], dtype=np.intp)
     by_reading = None
     if d.any():
         by_reading = _by_reading(placed, at, sizes) * np.reshape(on, (-1, 1, 1))
         if at.reactions is not None and placed.effect.reactive:
             by_pull = _step_in(placed, replace(at, pull_step=1j * _STEP), sizes) * on
-            by_parameter, columns = _with_reaction(by_parameter, columns, by_pull, at, len(asked))
+            by_parameter, columns = _with_reaction(by_parameter, columns, by_pull, at, asked)
             by_reading = by_reading + _of_reaction(by_pull, at, at.reactions.by_drive)
     return Displacement(at.site, d, by_parameter, columns, by_reading)
 
 
-def _displaced(placed: PlacedEffect, at: SiteInputs, sizes: Sequence[complex]) -> Array:
+def _displaced(placed: PlacedEffect, at: SiteInputs, sizes: Sequence[Any]) -> Array:
     """Displacement (N, W) at sizes of the parameters that it has at its place."""
     return placed.effect.displacement(at, dict(zip(placed.numbers, sizes, strict=True)))
 
 
-def _by_reading(placed: PlacedEffect, at: SiteInputs, sizes: list[float]) -> Array:
+def _by_reading(placed: PlacedEffect, at: SiteInputs, sizes: Sequence[Any]) -> Array:
     """Derivative (N, W, A) by the reading of the effect site's own drive."""
     out = np.zeros((at.rows, WIDTHS[placed.effect.enters], len(at.model.actuators)))
     if at.drive >= 0:
@@ -147,7 +221,7 @@ def _by_reading(placed: PlacedEffect, at: SiteInputs, sizes: list[float]) -> Arr
     return out
 
 
-def _step_in(placed: PlacedEffect, stepped: SiteInputs, sizes: list[float]) -> Array:
+def _step_in(placed: PlacedEffect, stepped: SiteInputs, sizes: Sequence[Any]) -> Array:
     return np.asarray(np.imag(_displaced(placed, stepped, sizes)) / _STEP)
 
 
@@ -167,10 +241,3 @@ def _with_reaction(
     out = np.zeros((*by_parameter.shape[:2], asked)) + _of_reaction(by_pull, at, at.reactions.jacobian)
     out[..., columns] += by_parameter
     return out, np.arange(asked)
-
-
-def _rows_of(placed: PlacedEffect, at: SiteInputs) -> NDArray[np.float64] | float:
-    session = placed.acts_in
-    if not session:
-        return 1.0
-    return np.asarray(at.table.columns.get(f"session.{session}", np.zeros(at.rows)))[:, None]

@@ -20,7 +20,7 @@ from pkmcal_cli.prediction.rows import Request, Rows
 
 @dataclass(frozen=True)
 class BaseCoefficients:
-    """Coefficients (K, S) by parameters, a line for each session of rows with parameters of its own, else one."""
+    """Coefficients (K, S) by parameters, a line for each session of rows that has its own of these, else one."""
 
     lines: Array
     sessions: tuple[str, ...]
@@ -28,7 +28,7 @@ class BaseCoefficients:
     @classmethod
     def of(cls, model: Model, values: Array, rows: Rows) -> BaseCoefficients:
         """At parameter values (P,), of some rows."""
-        sessions = rows.sessions_among(model.sessions)
+        sessions = _sessions_apart(model, rows)
         lines = [model.topology.coefficients.values(numbers) for numbers in _by_session(model, values, sessions)]
         return cls(np.array(lines), sessions)
 
@@ -72,6 +72,15 @@ def drive_travels(model: Model, values: Array, readings: Array, rows: Rows) -> A
     return np.asarray(readings * gains + coefficients[:, places] - base[places])
 
 
+def _sessions_apart(model: Model, rows: Rows) -> tuple[str, ...]:
+    """Sessions of rows that have coefficients of their own; what effects have for each acts on these later."""
+    if not model.sessions:
+        return ()
+    formed = {name for _, formula in model.topology.coefficients.formulas for name in formula.names}
+    apart = dict.fromkeys(p.session for p in model.parameters if p.session and p.shared_name in formed)
+    return rows.sessions_among(tuple(apart))
+
+
 def _by_session(model: Model, values: Array, sessions: Sequence[str]) -> tuple[Mapping[str, float], ...]:
     """Values (P,) as mappings, one for each of some sessions (one where there is none)."""
     every = dict(zip(model.names, np.asarray(values).tolist(), strict=True))
@@ -100,10 +109,10 @@ class Chain:
     @classmethod
     def of(cls, model: Model, values: Array, request: Request, rows: Rows) -> Chain:
         """The chain at parameter values (P,), of some rows."""
-        nothing, sessions = np.zeros(0, dtype=np.intp), rows.sessions_among(model.sessions)
+        nothing, sessions = np.zeros(0, dtype=np.intp), _sessions_apart(model, rows)
         if request.parameters is None:
             return cls(model, sessions, nothing, nothing, np.zeros((1, 0, 0)), None)
-        asked = [model.shared[name] for name in request.parameters]
+        asked = [model.shared.get(name, (name, "")) for name in request.parameters]
         names = list(dict.fromkeys(name for name, _ in asked))  # instances of one parameter share a column
         lines = _by_session(model, values, sessions)
         shared = np.stack([model.topology.coefficients.jacobian(numbers, names) for numbers in lines])  # (K, S, names)
