@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.deletion import deletion_residuals
 from pkmcal_cli.calibration.holdout import cross_validate, validate
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import (
     Evaluation,
-    deletion_residuals,
     evaluate,
     linearise,
     reasons,

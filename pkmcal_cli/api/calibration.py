@@ -61,7 +61,7 @@ class Calibration(Result):
 
         std, low and high are nan where the data do not determine the parameter.
         """
-        rows = [r for r in self.outcome.report.rows if r.name in self.outcome.report.fit.selected]
+        rows = [r for r in self.outcome.report.rows if r.selected]
         cells = [
             {
                 "name": r.name,

@@ -13,9 +13,10 @@ import numpy as np
 from scipy.special import chdtrc, fdtrc
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration.error_budget import WORTH, held_parameters
+from pkmcal_cli.calibration.error_budget import held_parameters
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identifiability import UNSEEN
+from pkmcal_cli.calibration.instruments import WORTH
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import get_args
 
 import numpy as np
@@ -16,6 +16,7 @@ from pkmcal_cli.base.workers import Workers
 from pkmcal_cli.calibration.agreement import Agreement
 from pkmcal_cli.calibration.bootstrap import bootstrap_intervals
 from pkmcal_cli.calibration.datum import Datum
+from pkmcal_cli.calibration.eliminated_frames import FrameUncertainty, frame_uncertainties
 from pkmcal_cli.calibration.error_budget import ErrorBudget, error_budget, held_parameters
 from pkmcal_cli.calibration.estimated_ranges import far_from_held, with_estimated_ranges
 from pkmcal_cli.calibration.fit import Fit
@@ -59,6 +60,11 @@ class FitOptions:
         return Workers.of(self.jobs)
 
     @property
+    def plain(self) -> bool:
+        """Whether it is by least squares, with intervals by the covariance."""
+        return (self.loss, self.uncertainty) == ("squares", "linear")
+
+    @property
     def prior_file(self) -> str | None:
         """The parameter file that `prior` names, None for a word."""
         return None if self.prior in PRIORS else self.prior
@@ -79,13 +85,14 @@ class FitOptions:
 
 @dataclass(frozen=True)
 class Calibration:
-    """What was found, by which starts, held by which datum."""
+    """What was found, by which starts, held by which datum; frames: that were eliminated, by name of the parameter."""
 
     robust: RobustFit
     budget: ErrorBudget
     intervals: Intervals
     agreement: Agreement | None
     datum: Datum | None = None
+    frames: Mapping[str, FrameUncertainty] = field(default_factory=dict)
 
 
 def calibrated(
@@ -120,7 +127,8 @@ def calibrated(
     held = held_parameters(problem, selected, () if datum is None else datum.held)
     robust, budget = _with_ranges(robust, start, held)
     intervals = _intervals(robust, budget, options, session, observe)
-    return Calibration(robust, budget, intervals, agreement, datum)
+    frames = frame_uncertainties(robust.problem, robust.fit, budget)
+    return Calibration(robust, budget, intervals, agreement, datum, frames)
 
 
 def _with_ranges(robust: RobustFit, start: Array, held: tuple[str, ...]) -> tuple[RobustFit, ErrorBudget]:

@@ -28,7 +28,7 @@ Visitor = Callable[[slice, Problem, Evaluation], None]
 
 def is_long(problem: Problem) -> bool:
     """Whether a fit of the table is condensed."""
-    if len(problem) <= LONG or problem.method != "exact" or problem.drive_sigma.any():
+    if len(problem) <= LONG or problem.frames is not None or problem.method != "exact" or problem.drive_sigma.any():
         return False
     return problem.rows.partner is None or not len(problem.joining)
 

@@ -69,7 +69,7 @@ def determinacy(
         remedy = f"declare what defines the base: {proposed}; any such choice describes the same machine"
         return Determinacy(kept, datum, message, remedy)
     known = 0 if problem.prior is None else len(problem.prior.rows)
-    if problem.count + known < len(kept) and whole:  # else the fit tells which rows cannot be predicted
+    if problem.count + known < problem.unknowns(kept) and whole:  # else the fit tells which rows cannot be predicted
         message = f"too few equations: {_counts(problem, directions_, datum)}; undetermined: {_listed(directions_)}"
         return Determinacy(kept, datum, message, _FEW)
     return Determinacy(kept, datum)
@@ -93,7 +93,7 @@ def _directions(
 
 def _counts(problem: Problem, directions_: Directions, datum: Datum | None) -> str:
     free = 0 if datum is None else len(datum.held)
-    unknowns = len(directions_.names) - free
+    unknowns = problem.unknowns(directions_.names) - free
     return f"{problem.count} equations, {unknowns} unknowns, {int(directions_.null.sum()) - free} null directions"
 
 

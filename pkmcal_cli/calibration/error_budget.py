@@ -21,14 +21,13 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.fitted_frames import placed_anywhere
 from pkmcal_cli.calibration.held_share import HeldShare, held_share
 from pkmcal_cli.calibration.identifiability import Directions
+from pkmcal_cli.calibration.instruments import Instruments
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.range_scales import Evidence, Scales, drawn_scales
 from pkmcal_cli.calibration.scale_start import first_factors
 
 COVER = 1.959963985  # standard uncertainties of a 95 % interval
 _HALVINGS = 30
-WORTH = {"stated": 10.0, "exact": np.inf, "unknown": 1.0}
-"""Degrees of freedom that a stated variance is worth."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,6 +107,17 @@ class ErrorBudget:
         return np.asarray(np.divide(by_ranges, whole, out=np.zeros(len(by_ranges)), where=whole > 0))
 
     @cached_property
+    def noise_variances(self) -> Array:
+        """Of the instruments (G,), in stated ones, as wide as the mixtures are."""
+        return _equivalent(self.scales.noise) ** 2
+
+    @property
+    def without_held(self) -> ErrorBudget:
+        """The part of noise and of what ranges hold: as if what is not identified were as it is nominally."""
+        half_ranges = np.append(self.half_ranges[: self.by_own.shape[1]], np.zeros(len(self.held)))
+        return replace(self, by_held=np.zeros_like(self.by_held), half_ranges=half_ranges)
+
+    @cached_property
     def joint_covariance(self) -> Array:
         """Covariance (p + h, p + h) of the errors of all: what a held parameter shifts others by is in it.
 
@@ -118,7 +128,7 @@ class ErrorBudget:
         below = np.hstack([np.zeros((h, free)), np.diag(-self.half_ranges[free:])])  # what is held is off by its offset
         by_offset = np.vstack([np.hstack([self.by_own, self.by_held]), below]) * _equivalent(self.scales.variances)
         out = by_offset @ by_offset.T
-        out[:p, :p] += np.tensordot(_equivalent(self.scales.noise) ** 2, self.data, 1)
+        out[:p, :p] += np.tensordot(self.noise_variances, self.data, 1)
         return np.asarray(out)
 
     @property
@@ -145,7 +155,7 @@ def held_parameters(problem: Problem, selected: tuple[str, ...], datum: tuple[st
     Those of effects are what their entries say, but for such with a range of their own; those that are declared as the
     datum define the axes.
     """
-    known = {*selected, *datum, *problem.model.datum}
+    known = {*selected, *datum, *problem.model.datum, *problem.eliminated}
     with_range = (p for p in problem.model.parameters if p.stated and not p.fixed and p.range > 0)
     return tuple(p.name for p in with_range if p.name not in known)
 
@@ -159,9 +169,9 @@ def error_budget(
     half = 0.5 * problem.model.ranges[index]
     last = evaluate_condensed(problem, fit.values, both, fit.last.start, fit.shift) if held else fit.last
     near = condensed(problem, last)
-    groups = _instruments(problem, near.channel)
+    groups = Instruments.of(problem, near.channel)
     jacobian = near.jacobian * half
-    said = evidence = _evidence(problem, fit, groups, jacobian, near.residual, index)
+    said = evidence = _evidence(problem, fit, groups.without(near.frames, problem), jacobian, near.residual, index)
     information = said.information
     whole, scale = information.sum(axis=0), half[:p, None]
     prior, spread, datum = problem.prior, np.asarray(np.eye(p)), _datum_of(problem, fit)
@@ -227,7 +237,7 @@ def _scales(evidence: Evidence, noise: float | None) -> Scales:
 
 
 def _evidence(
-    problem: Problem, fit: Fit, groups: _Instruments, jacobian: Array, residual: Array, index: list[int]
+    problem: Problem, fit: Fit, groups: Instruments, jacobian: Array, residual: Array, index: list[int]
 ) -> Evidence:
     """What each instrument says: whitened residual (n,) and Jacobian (n, q) in half ranges, of parameters `index`."""
     rows = [np.nonzero(groups.group_of == k)[0] for k in range(len(groups.names))]
@@ -256,36 +266,3 @@ def _gain(spectrum: Directions, jacobian: Array, half: Array) -> Array:
     upper = np.asarray(np.linalg.qr(jacobian @ moved.T, mode="r"))
     root = np.linalg.solve(upper.T, moved)  # (d, p)
     return np.asarray(root.T @ root)
-
-
-@dataclass(frozen=True)
-class _Instruments:
-    """Instruments that measured; whose each whitened residual (n,) is, -1 for what is no reading; equations (G,).
-
-    once (G,): whether on the bench.
-    """
-
-    names: tuple[str, ...]
-    group_of: NDArray[np.intp]
-    counts: Array
-    freedom: Array
-    once: NDArray[np.bool_]
-
-
-def _instruments(problem: Problem, channel: NDArray[np.intp]) -> _Instruments:
-    """Instruments with readings; channel (n,): of each equation, -1 for what is no reading.
-
-    The noise of drives is in the readings of all, and worth as little as either.
-    """
-    channels = problem.model.channels
-    drives = [d for a, d in enumerate(problem.model.actuators) if problem.drive_sigma[:, a].any()]
-    common = min((WORTH[d.sigma_is] for d in drives), default=np.inf)
-    used = [k for k in range(len(channels)) if problem.measured[:, k].any()]
-    names = tuple(dict.fromkeys(channels[k].instrument for k in used))
-    of_channel = [names.index(channels[k].instrument) if k in used else -1 for k in range(len(channels))]
-    counts = [sum(int(problem.measured[:, k].sum()) for k in used if of_channel[k] == g) for g in range(len(names))]
-    worth = {channels[k].instrument: WORTH[channels[k].sigma_is] for k in used}
-    group_of = np.array([*of_channel, -1], dtype=np.intp)[channel]
-    on_bench = {channels[k].instrument for k in problem.once}
-    once = np.array([n in on_bench for n in names], dtype=bool)
-    return _Instruments(names, group_of, np.array(counts), np.array([min(worth[n], common) for n in names]), once)

@@ -200,7 +200,7 @@ def validate(problem: Problem, model: Model, fit: Fit, scheme: str) -> HeldOut:
 
 def enough_values(problem: Problem, selected: tuple[str, ...]) -> bool:
     """Whether there are at least three measured values a parameter."""
-    return problem.count >= VALUES_PER_PARAMETER * len(selected)
+    return problem.count >= VALUES_PER_PARAMETER * problem.unknowns(selected)
 
 
 __all__ = ["Array", "HeldOut", "cross_validate", "enough_values", "fold_labels", "replicate_groups", "validate"]

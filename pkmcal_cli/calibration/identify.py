@@ -121,7 +121,7 @@ def _identified(
     """The fit of all rows that can be predicted where it leads. Raises RowsFailed."""
     first = evaluate_condensed(problem, problem.model.nominal if start is None else start, selected, states, shift)
     scale = Scaled.of(problem, selected)
-    fixed = problem.count == 0 or not (selected or problem.reading_sigma.any())
+    fixed = problem.count == 0 or not (selected or problem.frames or problem.reading_sigma.any())
     led_before = shift is not None or (states is not None and patience.enough > 0.0)
     as_it_is = fixed or patience.short or (led_before and first.solved)
     lead = first if as_it_is else led(problem, scale, first, patience)
@@ -251,7 +251,7 @@ def _finished(
     spectrum = directions(near.jacobian, selected, scale.ranges, problem.unseen, scale.beside)
     if status != _STATUS[ABANDONED] and (not len(selected) or spectrum.held.all()):
         status = NOTHING
-    moved = int((~spectrum.held).sum()) - int(on_bound.sum())
+    moved = int((~spectrum.held).sum()) - int(on_bound.sum()) + (0 if near.frames is None else near.frames.rank)
     names = tuple(n for n, b in zip(selected, on_bound, strict=True) if b)
     return Fit(
         values=last.values,

@@ -9,8 +9,9 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.condensed import condensed, evaluate_condensed
-from pkmcal_cli.calibration.error_budget import WORTH, ErrorBudget
+from pkmcal_cli.calibration.error_budget import ErrorBudget
 from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.instruments import WORTH
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.loading.data_information import DataInformation
 
@@ -26,7 +27,8 @@ def data_information(
     scale = dict(zip(budget.every, budget.half_ranges * budget.scales.typical, strict=True))
     model = problem.model
     half_ranges = {p.name: scale.get(p.name, 0.5 * p.range) for p in model.parameters if not p.fixed and p.range > 0}
-    half_ranges = {name: half for name, half in half_ranges.items() if name not in without}
+    left_out = {*without, *problem.eliminated}
+    half_ranges = {name: half for name, half in half_ranges.items() if name not in left_out}
     names = tuple(half_ranges)
     if not names or not problem.count:
         return None

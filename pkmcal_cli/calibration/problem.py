@@ -15,6 +15,7 @@ from pkmcal_cli.calibration.held_datum import HeldDatum
 from pkmcal_cli.calibration.identifiability import UNSEEN
 from pkmcal_cli.calibration.nominal_poses import NominalPoses
 from pkmcal_cli.calibration.prior import Prior
+from pkmcal_cli.calibration.session_frames import SessionFrames
 from pkmcal_cli.calibration.whitening import Clusters
 from pkmcal_cli.model.commanded import drive_sigma, forced, per_command
 from pkmcal_cli.model.model import Model
@@ -33,7 +34,7 @@ class Problem:
     is measured; `left_out`: channels of what was measured once that are not used; `method` of all predictions;
     `side_sigma` (N, A): of the drives' travel, or of commanded forces, where the side of approach is unknown, None for
     0; `poses`: nominal ones, those that are known of the same rows, else found where they are asked for; `datum`: what
-    is held, and moves along.
+    is held, and moves along; `frames`: those that are eliminated from a fit.
     """
 
     model: Model
@@ -51,6 +52,7 @@ class Problem:
     side_sigma: Array | None = None
     poses: NominalPoses | None = None
     datum: HeldDatum | None = None
+    frames: SessionFrames | None = None
 
     def __post_init__(self) -> None:
         if self.poses is None or not self.poses.holds_for(self.model, self.rows):
@@ -68,6 +70,15 @@ class Problem:
     def nominal_at(self, values: Array) -> Array:
         """Nominal values (P,) of the machine as the datum has it at values (P,)."""
         return self.model.nominal if self.datum is None else self.datum.nominal(self.model, values)
+
+    @property
+    def eliminated(self) -> tuple[str, ...]:
+        """Names of parameters that fits eliminate."""
+        return () if self.frames is None else self.frames.names
+
+    def unknowns(self, selected: Sequence[str]) -> int:
+        """Number of parameters that a fit of some determines, together with those that it eliminates."""
+        return len(selected) + len(self.eliminated)
 
     @property
     def count(self) -> int:

@@ -23,6 +23,7 @@ from pkmcal_cli.units.unit_text import parse_unit
 
 DOUBT = 0.01  # probability below which the stated sigma is not believed
 _SAME = 1e-4  # share of a drive's spread that readings of one pose may differ by
+_BASE = 30  # of digits that tell sessions apart
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,7 +132,7 @@ def repeated_poses(problem: Problem) -> NDArray[np.intp]:
 
     Stricter than the groups that hold-outs keep together: neighbours on a fine grid are other poses.
     """
-    sessions = [c for n, c in problem.rows.columns.items() if n.startswith("session.")]
+    sessions = _digits(problem.rows.session)
     read = {c.index for c in problem.model.channels if c.measurand is Measurand.DRIVE}
     drives = problem.rows.readings[:, [a for a in range(len(problem.model.actuators)) if a not in read]]
     columns = [*sessions, *drives[:, ~np.isnan(drives).any(axis=0)].T, *loads_of(problem.rows)]
@@ -140,3 +141,11 @@ def repeated_poses(problem: Problem) -> NDArray[np.intp]:
         out[list(group[1:])] = -1
     alone = np.bincount(out[out >= 0], minlength=out.max(initial=0) + 1) < 2
     return np.where((out >= 0) & ~alone[out], out, -1)
+
+
+def _digits(numbers: NDArray[np.intp]) -> list[NDArray[np.intp]]:
+    """Columns (N,) that are alike only where the numbers are the same: digits are far apart beside their spread."""
+    out = [numbers % _BASE]
+    while (numbers := numbers // _BASE).any():
+        out.append(numbers % _BASE)
+    return out

@@ -17,6 +17,7 @@ from pkmcal_cli.base.lean import parts_of
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.misfit import residuals
 from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.session_frames import FrameSteps
 from pkmcal_cli.calibration.triangles import Triangles
 from pkmcal_cli.calibration.whitening import Index, Slopes, Whitened, whiten
 from pkmcal_cli.prediction import Prediction, Request, WarmStart
@@ -27,7 +28,8 @@ from pkmcal_cli.prediction.pipeline import Receiver
 @dataclass(frozen=True)
 class Evaluation:
     """Residuals (N, C) at values (P,) and drive errors (N, A): 0 where nothing was measured, nan where not
-    predicted. triangles: what a fit needs of the derivatives of a long table, which then are not kept by row.
+    predicted. triangles: what a fit needs of the derivatives of a long table, which then are not kept by row; by_frame
+    (N, C, L): derivatives by the frames that are eliminated.
     """
 
     values: Array
@@ -36,6 +38,7 @@ class Evaluation:
     prediction: Prediction
     parameters: tuple[str, ...] = ()  # by which there are derivatives
     triangles: Triangles | None = None
+    by_frame: Array | None = None
 
     @property
     def solved(self) -> bool:
@@ -62,13 +65,19 @@ def evaluate(
     `shift` (N, A): errors of the drive readings, m or rad, by default zero; `compare`: see `Request`; `receive`: see
     `predict`.
     """
-    request = Request(problem.method, parameters=parameters, by_drive=parameters is not None, compare=compare)
+    frames = () if problem.frames is None else problem.frames.shared
+    asked = None if parameters is None else (*parameters, *frames)
+    request = Request(problem.method, parameters=asked, by_drive=parameters is not None, compare=compare)
     moved = problem.rows if shift is None or not shift.any() else problem.moved(shift)
     every = bool(problem.measured.all())
     rows = replace(moved, measured=problem.readings if every else np.where(problem.measured, problem.readings, np.nan))
     prediction = predict_with_derivatives(problem.model, values, rows, request, start, receive)
     shift = np.broadcast_to(0.0, rows.readings.shape) if shift is None else shift
-    return Evaluation(values, shift, residuals(problem, prediction.values), prediction, parameters or ())
+    residual, by_frame = residuals(problem, prediction.values), None
+    if frames and prediction.jacobian is not None:
+        jacobian, by_frame = np.split(prediction.jacobian, [len(parameters or ())], axis=2)
+        prediction = replace(prediction, jacobian=jacobian)
+    return Evaluation(values, shift, residual, prediction, parameters or (), by_frame=by_frame)
 
 
 def lost_rows(problem: Problem, evaluation: Evaluation) -> Index:
@@ -112,6 +121,7 @@ class Linearised:
     known: int = 0  # equations that are no readings
     root: Array | None = None  # (N, C) square roots of the weights, None for 1
     channel: Index  # (N * C + k,) of each equation, -1 for the last k
+    frames: FrameSteps | None = None  # how frames follow that are eliminated
 
     @property
     def values(self) -> tuple[Array, Array]:
@@ -156,11 +166,11 @@ def linearise(problem: Problem, evaluation: Evaluation, damping: float = 0.0) ->
     prediction = evaluation.prediction
     assert prediction.by_drive is not None and prediction.jacobian is not None
     free = 1.0 / (1.0 + damping)
-    residual = np.zeros(problem.readings.shape)
-    jacobian = np.zeros(prediction.jacobian.shape)
-    moved = np.where(problem.measured[:, :, None], prediction.jacobian, 0.0)
+    parts = [prediction.jacobian] + ([] if evaluation.by_frame is None else [evaluation.by_frame])
+    moved = np.where(problem.measured[:, :, None], np.concatenate(parts, axis=2), 0.0)
+    residual, jacobian = np.zeros(problem.readings.shape), np.zeros(moved.shape)
     drives = []
-    for part, whitened in _whitened(problem, evaluation, free):
+    for part, whitened in whitened_parts(problem, evaluation, free):
         residual[part.cluster] = whitened
         jacobian[part.cluster] = part.apply(moved)
         drives.append((part.cluster, part.drives))
@@ -168,11 +178,13 @@ def linearise(problem: Problem, evaluation: Evaluation, damping: float = 0.0) ->
     if root is not None:
         residual *= root
         jacobian *= root[..., None]
-    flat = jacobian.reshape(problem.readings.size, prediction.jacobian.shape[2])
+    frames = None
+    if problem.frames is not None:
+        residual, jacobian, frames = problem.frames.eliminated(problem.model, problem.rows, residual, jacobian)
     errors, columns = known_besides(problem, evaluation)
     return Linearised(
         residual=np.concatenate([residual.ravel(), errors]),
-        jacobian=np.vstack([flat, columns]),
+        jacobian=np.vstack([jacobian.reshape(residual.size, -1), columns]),
         drives=tuple(drives),
         kept=(1.0 - free) * evaluation.shift,
         chi2=chi_square(problem, evaluation),
@@ -180,6 +192,7 @@ def linearise(problem: Problem, evaluation: Evaluation, damping: float = 0.0) ->
         known=len(errors),
         root=root,
         channel=np.append(np.tile(np.arange(len(problem.model.channels)), len(problem)), np.full(len(errors), -1)),
+        frames=frames,
     )
 
 
@@ -231,7 +244,7 @@ def whitened_residual(problem: Problem, evaluation: Evaluation) -> Array:
     whole = evaluation.triangles is None
     for rows in [slice(0, len(out))] if whole else parts_of(len(out)):
         part, part_evaluation = (problem, evaluation) if whole else _rows_of(problem, evaluation, rows)
-        for cluster, residual in _whitened(*predicted_part(part, part_evaluation), 1.0):
+        for cluster, residual in whitened_parts(*predicted_part(part, part_evaluation), 1.0):
             out[rows][cluster.cluster] = residual
     return out
 
@@ -251,30 +264,7 @@ def weighted_residual(problem: Problem, evaluation: Evaluation) -> Array:
     return white if problem.weight is None else np.asarray(white * np.sqrt(problem.weight))
 
 
-def deletion_residuals(problem: Problem, evaluation: Evaluation) -> tuple[Array, Array, Array]:
-    """What each reading is off (N, C) if the others of its row, and of rows joined to it, tell it; without weights.
-
-    In standard uncertainties, zero where not measured: (V^-1 r)_i / sqrt((V^-1)_ii), whatever the order of channels;
-    minus its derivatives (N, C, P'); and that standard uncertainty (N, C), 1 / sqrt((V^-1)_ii).
-    """
-    problem, evaluation = predicted_part(problem, evaluation)
-    jacobian = evaluation.prediction.jacobian
-    assert jacobian is not None
-    moved = np.where(problem.measured[:, :, None], jacobian, 0.0)
-    off, unit, slopes = np.zeros(problem.readings.shape), np.ones(problem.readings.shape), np.zeros(moved.shape)
-    for part, residual in _whitened(problem, evaluation, 1.0):
-        m, k = part.cluster.shape
-        size = np.sqrt((part.weights**2).sum(axis=1))  # (M, k C)
-        size = np.where(size > 0, size, 1.0)
-        unit[part.cluster] = 1.0 / size.reshape(m, k, -1)
-        rotated = np.swapaxes(part.weights / size[:, None], 1, 2)
-        off[part.cluster] = (rotated @ residual.reshape(m, -1, 1)).reshape(m, k, -1)
-        flat = part.apply(moved).reshape(m, rotated.shape[1], -1)
-        slopes[part.cluster] = (rotated @ flat).reshape(m, k, *moved.shape[1:])
-    return off, slopes, unit
-
-
-def _whitened(problem: Problem, evaluation: Evaluation, free: float) -> Iterator[tuple[Whitened, Array]]:
+def whitened_parts(problem: Problem, evaluation: Evaluation, free: float) -> Iterator[tuple[Whitened, Array]]:
     """Weights of all clusters of rows, and residuals W (r + G shift), (M, k, C); `free`: share of S_q that is left."""
     prediction = evaluation.prediction
     assert prediction.by_drive is not None

@@ -17,10 +17,11 @@ from scipy.special import ndtri
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.condensed import condensed, in_parts
+from pkmcal_cli.calibration.deletion import deletion_residuals
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import Evaluation, deletion_residuals, whitened_residual
+from pkmcal_cli.calibration.residual import Evaluation, whitened_residual
 
 Loss = Literal["squares", "huber", "tukey"]
 _HUBER, _TUKEY = 1.345, 4.685  # 95 % efficiency with normal noise

@@ -146,6 +146,8 @@ def _moved(
     values = evaluation.values.copy()
     values[scale.index] = np.clip(values[scale.index] + step * scale.ranges, scale.low, scale.high)
     shift = near.shift(step * scale.ranges)
+    if near.frames is not None:
+        values = near.frames.moved(values, step * scale.ranges)
     return evaluate_condensed(problem, values, scale.names, evaluation.start, shift, compare)
 
 

@@ -34,7 +34,7 @@ def unexplained(fit: Fit, budget: ErrorBudget, robust: RobustFit | None = None) 
     """Instruments that show that an effect is missing, or that a sigma is stated far too small; () if the fit failed.
 
     The ratio of the residuals' mean square to the stated variance, F-distributed with the degrees of freedom that are
-    left and those that the statement is worth (`error_budget.WORTH`); each of G instruments at 1/G of the level.
+    left and those that the statement is worth (`instruments.WORTH`); each of G instruments at 1/G of the level.
     robust: how the fit came about, where rows that a loss does without are not to count. What was measured on the bench
     is another test's (`bench_readings`): the fit follows a single reading, so its residual tells little.
     """

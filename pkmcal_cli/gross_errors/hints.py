@@ -59,8 +59,9 @@ def _far_from_others(problem: Problem) -> NDArray[np.bool_]:
     size = {"length": problem.model.length, "angle": _REVOLUTION}
     limits = np.array([size.get(c.dimension, np.inf) for c in problem.model.channels])
     far = np.zeros(problem.readings.shape, dtype=bool)
-    for session in np.unique(problem.rows.session):
-        rows = np.nonzero(problem.rows.session == session)[0]
+    sessions = problem.rows.session
+    for session in np.unique(sessions):
+        rows = np.nonzero(sessions == session)[0]
         readings = np.where(problem.measured[rows], problem.readings[rows], np.nan)
         some = np.nonzero(~np.isnan(readings).all(axis=0))[0]
         off = np.abs(readings[:, some] - np.nanmedian(readings[:, some], axis=0))

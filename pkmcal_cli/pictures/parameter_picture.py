@@ -39,7 +39,7 @@ def without_frames(rows: Sequence[ParameterRow], model: Model) -> list[Parameter
 
 def parameter_part(rows: Sequence[ParameterRow]) -> Part:
     """The same as a part of a picture; what was not selected is left out."""
-    listed = [r for r in rows if r.std is not None or r.identified or r.reason != "not selected"]
+    listed = [r for r in rows if r.std is not None or r.identified or r.selected]
     shown = listed[:_MOST]
 
     def draw(figure: SubFigure) -> None:

@@ -80,8 +80,11 @@ class Rows:
 
     def session_numbers(self, names: Sequence[str]) -> NDArray[np.intp]:
         """Which of some sessions each row belongs to, (N,); 0 for rows of none."""
-        flags = np.nan_to_num([self.columns.get(f"session.{name}", np.zeros(len(self))) for name in names])
-        return np.asarray(np.argmax(flags, axis=0)) if names else np.zeros(len(self), dtype=np.intp)
+        numbers = np.zeros(len(self), dtype=np.intp)
+        for k, name in enumerate(names):
+            if (flags := self.columns.get(f"{_SESSION}{name}")) is not None:
+                numbers[flags > 0] = k
+        return numbers
 
     def sessions_among(self, names: Sequence[str]) -> tuple[str, ...]:
         """Those of some sessions that rows belong to, by `session_numbers`."""

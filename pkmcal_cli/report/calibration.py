@@ -83,7 +83,7 @@ class CalibrationReport:
         beyond = odd.texts if calibration.robust.loss == "squares" else ()  # a robust loss does without them
         reasons = (*(each.text for each in more), *beyond)
         self.incomplete = reasons if fit.status == "converged" and not self.implausible else ()
-        self.rows = parameter_rows(self.model, fit, intervals, self.budget, self.ranges.far)
+        self.rows = parameter_rows(self.model, fit, intervals, self.budget, self.ranges.far, calibration.frames)
         self.failed = FailedRows(fit.failed, row_origin, len(problem))
         self.slipped = lost_rows(problem, fit.after)  # predicted only with errors of the drives: no error is told
         without_slips = problem.without(self.slipped)
@@ -115,7 +115,7 @@ class CalibrationReport:
             "loads": self.loads.json(),
             "iterations": self.fit.iterations,
             "stopped": self.fit.stopped,
-            "parameters": [r.json() for r in self.rows if r.name in self.fit.selected],
+            "parameters": [r.json() for r in self.rows if r.selected],
             "before": figures_json(self.machine, self.before),
             "after": figures_json(self.machine, self.after),
             "chi2": finite(self.fit.chi2),
@@ -155,7 +155,7 @@ class CalibrationReport:
 
     def _show_identified(self, to: Reporter) -> None:
         """Parameters, what of them the data do not determine, how far they are from nominal; then an empty line."""
-        selected = [r for r in self.rows if r.name in self.fit.selected]
+        selected = [r for r in self.rows if r.selected]
         self._show_parameters(to, selected)
         std = dict(zip(self.fit.selected, self.budget.std.tolist(), strict=True))
         for name, value in zip(self.model.names, self.fit.values, strict=True):

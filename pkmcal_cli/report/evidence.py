@@ -36,7 +36,7 @@ def evidence_of(
             columns[name] = (np.asarray(column)[used], _LOGGED.get(kind, ""))
     known = {n: (c[np.isfinite(c)], u) for n, (c, u) in columns.items()}
     ranges = {n: (float(c.min()), float(c.max())) for n, (c, _) in known.items() if len(c)}
-    share = len(fit.selected) / max(int(problem.measured.sum()), 1)
+    share = problem.unknowns(fit.selected) / max(int(problem.measured.sum()), 1)
     made = fitted_noise(problem, fit) if fitted else noise or {}
     left = _unexplained(problem, errors, made, max(1.0 - share, 0.0) if fitted else 1.0 + share)
     return Evidence(ranges, left, {n: u for n, (_, u) in columns.items()}, float(np.sqrt(fit.excess)))

@@ -10,7 +10,8 @@ from types import MappingProxyType
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration.error_budget import ErrorBudget
+from pkmcal_cli.calibration.eliminated_frames import FrameUncertainty
+from pkmcal_cli.calibration.error_budget import COVER, ErrorBudget
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identifiability import PARTNER, Combination, Directions, combinations
 from pkmcal_cli.calibration.intervals import Intervals
@@ -22,6 +23,7 @@ from pkmcal_cli.units.unit_text import Unit, parse_unit
 _IN_PART = 0.1  # share of the variance from which on ranges are worth a word
 NOT_SELECTED = "not selected"
 NO_EFFECT = "no effect on these readings"
+UNTOLD = "undetermined: too few readings in its session"
 _WEAK = "weak: "
 _FEW = 4  # names or terms that are listed one by one
 _FAR = 5.0  # ranges off nominal from which on a value is worth a word
@@ -47,9 +49,14 @@ class ParameterRow:
     interval: tuple[float, float] | None = None  # of 95 %
 
     @property
+    def selected(self) -> bool:
+        """Whether it was to be identified."""
+        return self.reason != NOT_SELECTED
+
+    @property
     def note(self) -> str:
         """For a file: why it was selected and is not (well) identified."""
-        return self.reason or "" if self.reason != NOT_SELECTED else ""
+        return self.reason or "" if self.selected else ""
 
     @property
     def far(self) -> bool:
@@ -84,16 +91,27 @@ def parameter_unit(model: Model, name: str) -> Unit:
 
 
 def parameter_rows(
-    model: Model, fit: Fit, intervals: Intervals, budget: ErrorBudget, far: Mapping[str, float]
+    model: Model,
+    fit: Fit,
+    intervals: Intervals,
+    budget: ErrorBudget,
+    far: Mapping[str, float],
+    frames: Mapping[str, FrameUncertainty],
 ) -> tuple[ParameterRow, ...]:
     """All parameters of the machine: those selected with their uncertainty, the others as held.
 
-    far: offsets from nominal, in half ranges, that are worth a remark.
+    far: offsets from nominal, in half ranges, that are worth a remark; frames: those that the fit eliminated.
     """
     std = dict(zip(fit.selected, intervals.std, strict=True)) if fit.selected else {}
     by_held = dict(zip(fit.selected, budget.std_by_held, strict=True))
     ends = dict(zip(fit.selected, intervals.low_high, strict=True))
     reasons = reasons_against(fit, budget, far)
+    std |= {name: frame.std for name, frame in frames.items()}
+    by_held |= {name: frame.by_held for name, frame in frames.items()}
+    values = dict(zip(model.names, fit.values, strict=True))
+    ends |= {n: values[n] + COVER * frame.std * np.array([-1.0, 1.0]) for n, frame in frames.items()}
+    lost = {n: frame for n, frame in frames.items() if math.isnan(frame.std)}
+    reasons |= {n: UNTOLD if frame.felt else NO_EFFECT for n, frame in lost.items()}
     rows = []
     for k, p in enumerate(model.parameters):
         unit = parse_unit(p.unit or "1")

@@ -101,7 +101,7 @@ def steps(results: Results) -> Figure | None:
 
 def identified(results: Results) -> Figure | None:
     """Identified parameters as shares of their ranges; together with the causes where there are some."""
-    rows = [r for r in results.calibrated.rows if r.name in results.calibrated.fit.selected]
+    rows = [r for r in results.calibrated.rows if r.selected]
     if not rows:
         return None
     subject, improved = "identified parameters", results.improved

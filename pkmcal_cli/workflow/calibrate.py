@@ -84,7 +84,7 @@ def _verdict(
     failed = not report.usable and not (report.implausible and s.request.accept)
     if failed and s.request.quiet:
         to.fail(report.verdict())
-    selected_by_name = named(report.model, s.request.select) & set(s.selected)
+    selected_by_name = named(report.model, s.request.select) & set(s.determined)
     lost = [r.name for r in report.rows if r.name in selected_by_name and r.std is None]
     if lost:
         to.fail(f"named in --select but undetermined: {', '.join(lost)}")

@@ -13,6 +13,7 @@ from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.stages import Observer
 from pkmcal_cli.calibration.complete_fit import Calibration, FitOptions, calibrated
 from pkmcal_cli.calibration.datum import Datum, with_held
+from pkmcal_cli.calibration.eliminated_frames import without_frames
 from pkmcal_cli.calibration.frame_start import at_frames
 from pkmcal_cli.calibration.identify import STEPS, RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
@@ -87,7 +88,7 @@ class CalibrationRequest:
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrationSetting:
-    """What a fit starts from: the files, read; selected: names; apart: rows of a file that is held out."""
+    """What a fit starts from: the files, read; selected: names, but for eliminated frames; apart: rows held out."""
 
     request: CalibrationRequest
     loaded: LoadedMachine
@@ -98,6 +99,11 @@ class CalibrationSetting:
     apart: Measurements | None
     kept: tuple[str, ...] = ()  # the datum of an earlier calibration
     datum: Datum | None = None
+
+    @property
+    def determined(self) -> tuple[str, ...]:
+        """Names of all parameters that the fit determines."""
+        return (*self.selected, *self.problem.eliminated)
 
     @property
     def inputs(self) -> dict[str, str]:
@@ -163,7 +169,7 @@ def setting(request: CalibrationRequest, machine: LoadedMachine | None = None) -
     absurd = absurd_rows(problem, lambda row: origin_of(measured, row))
     if absurd:
         raise BadInput(absurd)
-    problem = with_unknown_sides(problem, selected)
+    problem, selected = without_frames(with_unknown_sides(problem, selected), selected, request.fit_options.plain)
     return CalibrationSetting(
         request=request,
         loaded=loaded,
@@ -213,7 +219,8 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
         else:
             held = validated(s.loaded, s.problem, fit, s.apart)
     doubts = noise_doubts(s.problem, fit, s.measured, to)
-    odd, mistakes = replace(odd, overstated=doubts.overstated), (*hints, *doubts.commanded, *s.start.doubts(s.selected))
+    mistakes = (*hints, *doubts.commanded, *s.start.doubts(s.determined))
+    odd = replace(odd, overstated=doubts.overstated)
     report = CalibrationReport(s.loaded.machine, s.problem, robust_fit, held, row_origin, odd, mistakes=mistakes)
     return Calibrated(s, report)
 
@@ -223,7 +230,7 @@ def _say_of_files(s: CalibrationSetting, to: Listener) -> None:
     to.notes([*s.measured.notes, *unsided(s.problem, s.measured)])
     for finding in (*s.loaded.warnings, *s.measured.warnings):
         to.warn(finding)
-    for text in s.start.remarks(bool(s.measured.named_sessions), s.selected):
+    for text in s.start.remarks(bool(s.measured.named_sessions), s.determined):
         to.warn(text)
 
 

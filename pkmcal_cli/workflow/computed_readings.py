@@ -11,9 +11,10 @@ from scipy.special import chdtr
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.condensed import in_parts
+from pkmcal_cli.calibration.deletion import deletion_residuals
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import Evaluation, deletion_residuals, evaluate, whitened_residual
+from pkmcal_cli.calibration.residual import Evaluation, evaluate, whitened_residual
 from pkmcal_cli.csv_files.origin import SIMULATED
 from pkmcal_cli.tables.measurement_set import Measurements
 

@@ -53,7 +53,7 @@ def held_out(
     if scheme is not None and not 0 < len(scheme) <= _DIGITS:
         raise UsageError("--holdout: invalid number of folds", hint="give a number such as 5")
     if scheme is None and not enough_values(problem, fit.selected):
-        values, parameters = count(problem.count, "measured value"), count(len(fit.selected), "parameter")
+        values, parameters = count(problem.count, "measured value"), count(problem.unknowns(fit.selected), "parameter")
         return f"{values} for {parameters}: fewer than 3 values per parameter"
     if not useful:
         return f"the fit is implausible; `--holdout {_FOLDS}` computes it all the same"
