@@ -70,8 +70,14 @@ def evaluate_in_parts(
 
     def receive(chunk: slice, prediction: Prediction) -> None:
         part = problem.part(chunk)
-        shift = np.broadcast_to(0.0, part.rows.readings.shape)
-        visit(chunk, part, Evaluation(values, shift, residuals(part, prediction.values), prediction, parameters))
+        evaluation = Evaluation(
+            values=values,
+            shift=np.broadcast_to(0.0, part.rows.readings.shape),
+            residual=residuals(part, prediction.values),
+            prediction=prediction,
+            parameters=parameters,
+        )
+        visit(chunk, part, evaluation)
 
     return evaluate(problem, values, parameters, start, compare=compare, receive=receive)
 

@@ -19,29 +19,59 @@ from pkmcal_cli.calibration.errors_before_after import kinds_of
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate, linearise, lost_rows
+from pkmcal_cli.calibration.session_frames import Bases
+
+_DETERMINED = 1e-6  # share of what a frame does that rows outside a fold must see for the frame to be known by them
 
 
 def fitted_noise(problem: Problem, fit: Fit) -> dict[str, float]:
     """Mean square by kind of errors of fitted readings over that of their noise; none of a long table: it is 1."""
     if is_long(problem) or not fit.selected:
         return {}
-    by_row, whole = _information(problem, fit)
+    by_row, whole, bases = _information(problem, fit)
     flat = by_row.reshape(-1, by_row.shape[2])
-    return _of_kinds([problem], [-(flat * np.linalg.solve(whole, flat.T).T).sum(axis=1).reshape(by_row.shape[:2])])
+    taken = (flat * np.linalg.solve(whole, flat.T).T).sum(axis=1).reshape(by_row.shape[:2])
+    for rows, basis in bases:
+        taken[rows] += (basis**2).sum(axis=1).reshape(len(rows), -1)
+    return _of_kinds([problem], [-taken])
 
 
 def held_out_noise(problem: Problem, fit: Fit, labels: NDArray[np.intp]) -> dict[str, float]:
     """The same of errors of readings that were held out; labels (N,): folds."""
     if is_long(problem) or not fit.selected:
         return {}
-    by_row, whole = _information(problem, fit)
+    by_row, whole, bases = _information(problem, fit)
     more = np.zeros(by_row.shape[:2])
     for fold in np.unique(labels):
-        inside = by_row[labels == fold]
-        flat = inside.reshape(-1, by_row.shape[2])
-        spread = np.linalg.solve(whole - flat.T @ flat, flat.T).T.reshape(inside.shape)
-        more[labels == fold] = (inside * spread).sum(axis=2)
+        inside = labels == fold
+        flat = by_row[inside].reshape(-1, by_row.shape[2])
+        frames, moved = _of_frames(bases, inside, flat)
+        spread = np.linalg.solve(whole - flat.T @ moved, moved.T).T
+        more[inside] = (frames + (moved * spread).sum(axis=1)).reshape(-1, by_row.shape[1])
     return _of_kinds([problem], [more])
+
+
+def _of_frames(bases: Bases, inside: NDArray[np.bool_], flat: Array) -> tuple[Array, Array]:
+    """What eliminated frames add to the variance (n,) of held-out readings, and to their derivatives (n, p).
+
+    Of what frames do in all rows of a session, U, the held-out rows have U_g: known by the others to
+    (1 - U_g^T U_g)^-1. What these do not determine is fitted to the held-out rows, which takes noise from them.
+    """
+    width = len(flat) // max(int(inside.sum()), 1)
+    place = np.cumsum(inside) - 1
+    more, moved = np.zeros(len(flat)), flat.copy()
+    for rows, basis in bases:
+        if not (here := inside[rows]).any():
+            continue
+        at = (place[rows[here], None] * width + np.arange(width)).ravel()
+        u = basis.reshape(len(rows), width, -1)[here].reshape(len(at), -1)  # (m C, r)
+        left, way = np.linalg.eigh(np.eye(u.shape[1]) - u.T @ u)
+        determined = left > _DETERMINED
+        known, unknown = u @ way[:, determined], u @ way[:, ~determined]
+        gain = known / left[determined]
+        more[at] = (gain * known).sum(axis=1) - (unknown**2).sum(axis=1)
+        moved[at] += gain @ (known.T @ flat[at])
+    return more, moved
 
 
 def reported_noise(parts: Sequence[tuple[Problem, Fit, Problem]]) -> dict[str, float]:
@@ -50,7 +80,7 @@ def reported_noise(parts: Sequence[tuple[Problem, Fit, Problem]]) -> dict[str, f
         return {}
     predicted, more = list[Problem](), list[Array]()
     for fitted, fit, report in parts:
-        _, whole = _information(fitted, fit)
+        _, whole, _ = _information(fitted, fit)
         there = evaluate(report, fit.values, fit.selected)
         predicted.append(report.without(lost_rows(report, there)))
         near = linearise(predicted[-1], there).jacobian[: report.readings.size]
@@ -64,14 +94,17 @@ def _half_ranges(problem: Problem, fit: Fit) -> Array:
     return np.asarray(0.5 * problem.model.ranges[[problem.model.names.index(n) for n in fit.selected]])
 
 
-def _information(problem: Problem, fit: Fit) -> tuple[Array, Array]:
-    """Whitened derivatives of the readings (N, C, p) by parameters in half ranges; A^T A + P^-1 (p, p)."""
-    jacobian = linearise(problem, fit.last).jacobian * _half_ranges(problem, fit)
+def _information(problem: Problem, fit: Fit) -> tuple[Array, Array, Bases]:
+    """Whitened derivatives of the readings (N, C, p) by parameters in half ranges; A^T A + P^-1 (p, p); what eliminated
+    frames do."""
+    near = linearise(problem, fit.last)
+    jacobian = near.jacobian * _half_ranges(problem, fit)
     count, width = problem.readings.shape
     whole = jacobian.T @ jacobian  # with what is known besides the readings
     if problem.prior is None:
         whole += np.eye(len(fit.selected))
-    return jacobian[: count * width].reshape(count, width, -1), whole
+    bases = () if near.frames is None else near.frames.bases
+    return jacobian[: count * width].reshape(count, width, -1), whole, bases
 
 
 def _of_kinds(problems: Sequence[Problem], more: Sequence[Array]) -> dict[str, float]:

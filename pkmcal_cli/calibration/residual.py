@@ -25,7 +25,7 @@ from pkmcal_cli.prediction.differences import predict_with_derivatives
 from pkmcal_cli.prediction.pipeline import Receiver
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Evaluation:
     """Residuals (N, C) at values (P,) and drive errors (N, A): 0 where nothing was measured, nan where not
     predicted. triangles: what a fit needs of the derivatives of a long table, which then are not kept by row; by_frame
@@ -77,7 +77,14 @@ def evaluate(
     if frames and prediction.jacobian is not None:
         jacobian, by_frame = np.split(prediction.jacobian, [len(parameters or ())], axis=2)
         prediction = replace(prediction, jacobian=jacobian)
-    return Evaluation(values, shift, residual, prediction, parameters or (), by_frame=by_frame)
+    return Evaluation(
+        values=values,
+        shift=shift,
+        residual=residual,
+        prediction=prediction,
+        parameters=parameters or (),
+        by_frame=by_frame,
+    )
 
 
 def lost_rows(problem: Problem, evaluation: Evaluation) -> Index:

@@ -8,6 +8,7 @@ then linear in the number of sessions. Ranges of frames, which nobody stated, ta
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,6 +22,9 @@ from pkmcal_cli.prediction import Rows
 _SEEN = 1e-10  # of the largest singular value of a session's frames
 _SHARE = 1e-3  # of a frame number in what its session does not determine, from which on it is not either
 
+Bases = Sequence[tuple[NDArray[np.intp], Array]]
+"""Of each session its n rows, and an orthonormal basis (n C, r) of what its frames do to their whitened readings."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class FrameSteps:
@@ -28,14 +32,14 @@ class FrameSteps:
 
     index (S, L): among the parameters; follows (S, L, 1 + P'): the step of a frame is that of the first column less
     the others times d; noise (S, L, L): covariance where the others are known; seen (S, L): whether the session's rows
-    determine the number; bases: of each session its n rows and an orthonormal basis (n C, r) of what frames do there.
+    determine the number; bases: what frames do.
     """
 
     index: NDArray[np.intp]
     follows: Array
     noise: Array
     seen: NDArray[np.bool_]
-    bases: tuple[tuple[NDArray[np.intp], Array], ...]
+    bases: Bases
 
     @property
     def rank(self) -> int:
@@ -92,15 +96,15 @@ class SessionFrames:
         for k, some in enumerate(self.of_rows(rows)):
             by_frame = jacobian[some, :, count:].reshape(-1, width) * size[k]  # (n C, L) in ranges
             u, s, vt = np.linalg.svd(by_frame, full_matrices=False)
-            told = s > _SEEN * s.max(initial=0.0)
-            u, back = u[:, told], size[k][:, None] * vt[told].T / s[told]  # (n C, r), (L, r)
+            determined = s > _SEEN * s.max(initial=0.0)
+            u, back = u[:, determined], size[k][:, None] * vt[determined].T / s[determined]  # (n C, r), (L, r)
             both = np.column_stack([residual[some].reshape(-1, 1), others[some].reshape(-1, count)])
             along = u.T @ both  # (r, 1 + P')
             both -= u @ along
             residual[some] = both[:, 0].reshape(-1, residual.shape[1])
             others[some] = both[:, 1:].reshape(-1, *others.shape[1:])
             follows[k], noise[k] = back @ along, back @ back.T
-            seen[k] = (vt[told] ** 2).sum(axis=0) > 1.0 - _SHARE**2
+            seen[k] = (vt[determined] ** 2).sum(axis=0) > 1.0 - _SHARE**2
             bases.append((some, u))
         steps = FrameSteps(index=index, follows=follows, noise=noise, seen=seen, bases=tuple(bases))
         return residual, others, steps

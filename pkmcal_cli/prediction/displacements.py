@@ -136,8 +136,8 @@ def _instances(effects: Sequence[PlacedEffect]) -> Iterator[Sequence[PlacedEffec
     """Effects in their order; together those that are one at one place, with numbers that only sessions tell apart."""
 
     def site(placed: PlacedEffect) -> tuple[str, ...]:
-        own = placed.session and placed.effect.row_by_row
-        return (placed.effect.keyword, placed.at) if own else (placed.name,)
+        together = placed.session and placed.effect.row_by_row
+        return (placed.effect.keyword, placed.at) if together else (placed.name,)
 
     for _, same in groupby(effects, site):
         yield tuple(same)

@@ -102,39 +102,45 @@ def parameter_rows(
 
     far: offsets from nominal, in half ranges, that are worth a remark; frames: those that the fit eliminated.
     """
-    std = dict(zip(fit.selected, intervals.std, strict=True)) if fit.selected else {}
-    by_held = dict(zip(fit.selected, budget.std_by_held, strict=True))
-    ends = dict(zip(fit.selected, intervals.low_high, strict=True))
-    reasons = reasons_against(fit, budget, far)
-    std |= {name: frame.std for name, frame in frames.items()}
-    by_held |= {name: frame.by_held for name, frame in frames.items()}
-    values = dict(zip(model.names, fit.values, strict=True))
-    ends |= {n: values[n] + COVER * frame.std * np.array([-1.0, 1.0]) for n, frame in frames.items()}
-    lost = {n: frame for n, frame in frames.items() if math.isnan(frame.std)}
-    reasons |= {n: UNTOLD if frame.felt else NO_EFFECT for n, frame in lost.items()}
+    estimates, reasons = _estimates(model, fit, intervals, budget, frames), reasons_against(fit, budget, far)
+    untold = {n: frame for n, frame in frames.items() if math.isnan(frame.std)}
+    reasons |= {n: UNTOLD if frame.felt else NO_EFFECT for n, frame in untold.items()}
     rows = []
     for k, p in enumerate(model.parameters):
         unit = parse_unit(p.unit or "1")
-        selected = p.name in std
-        spread = std.get(p.name, math.nan)
+        selected = p.name in estimates
+        spread, more, ends = estimates.get(p.name, (math.nan, 0.0, None))
         reason = reasons.get(p.name) if selected else NOT_SELECTED
-        known, more = selected and not math.isnan(spread), float(by_held.get(p.name, 0.0))
+        known = selected and not math.isnan(spread)
         rows.append(
             ParameterRow(
                 name=p.name,
                 nominal=exact_value(p.nominal, unit),
                 value=exact_value(float(fit.values[k]), unit),
-                std=float(spread) / unit.scale if known else None,
-                by_data=math.sqrt(max(float(spread) ** 2 - more**2, 0.0)) / unit.scale if known else None,
+                std=spread / unit.scale if known else None,
+                by_data=math.sqrt(max(spread**2 - more**2, 0.0)) / unit.scale if known else None,
                 by_held=more / unit.scale if known else None,
                 range=p.range / unit.scale,
                 unit=unit.text,
                 identified=known and not is_weak(reason),
                 reason=reason,
-                interval=_interval(ends.get(p.name), unit),
+                interval=_interval(ends, unit),
             )
         )
     return tuple(rows)
+
+
+def _estimates(
+    model: Model, fit: Fit, intervals: Intervals, budget: ErrorBudget, frames: Mapping[str, FrameUncertainty]
+) -> dict[str, tuple[float, float, Array]]:
+    """Of all that was to be identified: standard uncertainty, its part by what is held, ends of the interval, SI."""
+    columns = (intervals.std.tolist(), budget.std_by_held.tolist(), intervals.low_high)
+    each = zip(fit.selected, *columns, strict=True) if fit.selected else ()
+    out = {name: (std, held, ends) for name, std, held, ends in each}
+    for name, value in zip(model.names, fit.values, strict=True):
+        if (frame := frames.get(name)) is not None:
+            out[name] = (frame.std, frame.by_held, value + COVER * frame.std * np.array([-1.0, 1.0]))
+    return out
 
 
 def _interval(ends: Array | None, unit: Unit) -> tuple[float, float] | None:

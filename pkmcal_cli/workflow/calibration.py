@@ -166,8 +166,7 @@ def setting(request: CalibrationRequest, machine: LoadedMachine | None = None) -
     start = replace(start, warnings=(*start.warnings, *moved))
     if not problem.count:
         raise BadInput([nothing_measured(loaded, problem)])
-    absurd = absurd_rows(problem, lambda row: origin_of(measured, row))
-    if absurd:
+    if absurd := absurd_rows(problem, lambda row: origin_of(measured, row)):
         raise BadInput(absurd)
     problem, selected = without_frames(with_unknown_sides(problem, selected), selected, request.fit_options.plain)
     return CalibrationSetting(
@@ -205,9 +204,8 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
         s = replace(s, problem=without_readings(s.problem, odd, to))
     if hints:  # no start mends a wrong column, and what does not converge soon never will
         options = replace(options, starts=options.starts or 1)
-    steps = _STEPS_IN_DOUBT if hints else STEPS
     with to.stages() as observe:
-        robust_fit = _fit(s, states, options, to, observe, steps=steps, wrong_table=wrong_table, gross=beyond.rows)
+        robust_fit = _fit(s, states, options, to, observe, bool(hints), wrong_table=wrong_table, gross=beyond.rows)
         del states  # of a long table they are large
         fit = robust_fit.robust.fit
         s = replace(s, problem=s.problem.without(fit.failed))
@@ -252,9 +250,7 @@ def _after(
     request: CalibrationRequest, file: str, problem: Problem, selected: tuple[str, ...], start: Start
 ) -> tuple[Problem, Start, EarlierCalibration]:
     """Problem and start with what an earlier calibration knows, and that. Raises BadInput and UsageError."""
-    earlier = earlier_calibration(
-        problem.model, file, selected, request.select == "auto", request.loosen, start.values
-    )
+    earlier = earlier_calibration(problem.model, file, selected, request.select == "auto", request.loosen, start.values)
     notes = (*earlier.known.ending.remarks(file), *earlier.warnings, *(f"note: {text}" for text in earlier.notes))
     values = earlier.values if request.parameters is None else start.values
     start = replace(start, values=values, inputs=start.inputs | earlier.inputs, warnings=start.warnings + notes)
@@ -284,16 +280,16 @@ def _fit(
     options: FitOptions,
     to: Listener,
     observe: Observer,
+    in_doubt: bool,
     *,
-    steps: int,
     wrong_table: bool,
     gross: tuple[int, ...],
 ) -> Calibration:
     try:
         calibration = calibrated(
             s.problem, s.selected, start=s.start.values, options=options, session=np.asarray(s.measured.session),
-            datum=s.datum, states=states, tell=to.say, observe=observe, steps=steps, wrong_table=wrong_table,
-            gross=gross,
+            datum=s.datum, states=states, tell=to.say, observe=observe, steps=_STEPS_IN_DOUBT if in_doubt else STEPS,
+            wrong_table=wrong_table, gross=gross,
         )  # fmt: skip
     except RowsFailed as failure:
         raise unsolved(s.measured, failure.evaluation.prediction) from None
