@@ -25,6 +25,12 @@ _SQUARE = "x=200:700:{0},y=170:380:{0}"  # mm, `--grid` of the Triglide
 _SCISSORS = (str(MACHINES / "scissors.yaml"), str(MACHINES / "scissors.csv"))
 _LIBRARIES = "numpy, pydantic, typer, rich.console, yaml"
 _NOISE = ("--noise", "declared", "--seed", "1")
+_STARTER = """
+import os, subprocess, sys
+process = subprocess.Popen(sys.argv[1:], stdout=subprocess.DEVNULL)
+_, status, used = os.wait4(process.pid, 0)
+print(os.waitstatus_to_exitcode(status), used.ru_utime + used.ru_stime, used.ru_maxrss)
+"""
 
 
 def _run(*arguments: str) -> None:
@@ -79,7 +85,7 @@ def loop_lines(effort: Effort) -> Iterator[Line]:
                 targets["improve"] += ("--only", _ONE_EFFECT[machine])
             for command, limit in limits.items():
                 rounds = range(max(effort.rounds // 3, 1))
-                seconds = [_measured(command, *files, *targets[command])[0] for _ in rounds]
+                seconds = [command_cost(command, *files, *targets[command])[0] for _ in rounds]
                 yield Line(f"`{command}` of {table}.csv", float(np.median(seconds)), limit, unit="s")
 
 
@@ -115,12 +121,12 @@ def memory_lines(effort: Effort) -> Iterator[Line]:
     machine = str(MACHINES / "triglide.yaml")
     with tempfile.TemporaryDirectory() as folder:
         whole, part = (_table(folder, effort.rows(side)) for side in (1000, 316))
-        seconds, peak = _measured("calibrate", machine, whole, "-q")
+        seconds, peak = command_cost("calibrate", machine, whole, "-q")
         what = f"`calibrate` of {effort.rows(1000) ** 2} rows on the Triglide, with held-out error: peak memory"
         yield Line(what, peak, 1024, unit="MiB", note=f"{seconds:.0f} s in total")
         plain = ("calibrate", machine, part, "-q", "--holdout", "none")
-        _, fit = _measured(*plain)
-        _, bootstrap = _measured(*plain, "--uncertainty", "bootstrap")
+        _, fit = command_cost(*plain)
+        _, bootstrap = command_cost(*plain, "--uncertainty", "bootstrap")
         what = f"bootstrap of {effort.rows(316) ** 2} rows on the Triglide: memory above the peak of the fit"
         yield Line(what, max(bootstrap - fit, 0.0), 200, unit="MiB", note=f"fit {fit:.0f} MiB")
 
@@ -140,14 +146,18 @@ def _simulate(side: int) -> tuple[float, float]:
 
 def _on_grid(side: int, target: str, *options: str) -> tuple[float, float]:
     where = ("--grid", _SQUARE.format(side), "-o", target)
-    return _measured("simulate", str(MACHINES / "triglide.yaml"), "-q", *where, *options)
+    return command_cost("simulate", str(MACHINES / "triglide.yaml"), "-q", *where, *options)
 
 
-def _measured(*arguments: str) -> tuple[float, float]:
-    """Processor time, s, and peak memory, MiB, of a command."""
+def command_cost(*arguments: str) -> tuple[float, float]:
+    """Processor time, s, and peak memory, MiB, of a command.
+
+    It is started by a small process: the peak of a program counts that of the process that it was forked from.
+    """
     command = [sys.executable, "-m", "pkmcal_cli", *arguments]
-    process = subprocess.Popen(command, cwd=MACHINES.parent, env=_installed())
-    _, status, usage = os.wait4(process.pid, 0)
-    if os.waitstatus_to_exitcode(status) not in (0, 1):
-        raise RuntimeError(f"{arguments[0]} failed")
-    return usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
+    started = [sys.executable, "-c", _STARTER, *command]
+    ended = subprocess.run(started, check=True, capture_output=True, text=True, cwd=MACHINES.parent, env=_installed())
+    code, seconds, kibibytes = ended.stdout.split()
+    if int(code) not in (0, 1):
+        raise RuntimeError(f"{arguments[0]} failed: {ended.stderr}")
+    return float(seconds), float(kibibytes) / 1024

@@ -20,7 +20,7 @@ for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy as np  # noqa: E402
 
-from benchmarks import predictions, program, steps, sweep  # noqa: E402
+from benchmarks import predictions, program, sessions, steps, sweep  # noqa: E402
 from benchmarks.timing import ONCE, Effort, Line  # noqa: E402
 
 TARGET = Path(__file__).resolve().parents[1] / "docs" / "performance.md"
@@ -42,6 +42,7 @@ def lines(effort: Effort, quick: bool) -> Iterator[Line]:
         yield from program.loop_lines(effort)
         yield from program.million_lines(effort)
         yield from program.memory_lines(effort)
+        yield from sessions.session_lines(effort)
 
 
 def table(head: tuple[str, ...], found: Sequence[Line | sweep.Growth]) -> str:

@@ -41,6 +41,7 @@ from pkmcal_cli.report.parameters import (
 )
 from pkmcal_cli.report.repeatability import show_replicates
 from pkmcal_cli.report.sentences import ending_text
+from pkmcal_cli.report.session_frames import show_session_frames
 from pkmcal_cli.report.uncertainty_remarks import (
     HELD,
     held_text,
@@ -175,9 +176,9 @@ class CalibrationReport:
 
     def _show_parameters(self, to: Reporter, selected: list[ParameterRow]) -> None:
         """Parameters of the machine; apart from them where its instruments stand, for which no drawing has a value."""
-        frames = tuple(f"frame@{name}." for name in self.model.fitted_frames)
+        frames, many = tuple(f"frame@{name}." for name in self.model.fitted_frames), self.calibration.frames
         machine_rows = [r for r in selected if not r.name.startswith(frames)]
-        stand = [r for r in selected if r.name.startswith(frames)]
+        stand = [r for r in selected if r.name.startswith(frames) and r.name not in many]
         stand = [r for r in stand if r.reason != NO_EFFECT] or stand  # in sessions that it did not read
         more = (*self._held_head, *self._interval_head)
         if machine_rows or not stand:
@@ -186,6 +187,7 @@ class CalibrationReport:
         if stand:
             cells = [self._row(r) for r in stand]
             to.table("Fitted frames", ("name", "fitted", *more, "remark"), [(c[0], *c[2:-2], c[-1]) for c in cells])
+        show_session_frames(to, self.model, [r for r in selected if r.name in many])
 
     def _show_null(self, to: Reporter, null: list[Combination]) -> None:
         """What the data do not determine; of many that have no effect, one line."""
