@@ -13,9 +13,10 @@ import yaml
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.complete_fit import Calibration, FitOptions, calibrated
 from pkmcal_cli.calibration.eliminated_frames import MANY, without_frames
-from pkmcal_cli.calibration.error_budget import COVER
+from pkmcal_cli.calibration.error_budget import COVER, error_budget, held_parameters
 from pkmcal_cli.calibration.expected_noise import fitted_noise, held_out_noise
 from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.calibration.prior import prior_of_covariance
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.model.model import Model
@@ -42,9 +43,11 @@ def moved(points: Array, motion: Array) -> Array:
     return np.asarray(points @ np.array([[c, s], [-s, c]]) + motion[:2])
 
 
-def measured_by(machine: Model, names: tuple[str, ...], seed: int, noise: float = SIGMA) -> Problem:
+def measured_by(
+    machine: Model, names: tuple[str, ...], seed: int, noise: float = SIGMA, each: int = ROWS
+) -> Problem:
     """A campaign by an instrument that is set up anew in each session, its rows in no order."""
-    rng, count = np.random.default_rng(seed), len(names) * ROWS
+    rng, count = np.random.default_rng(seed), len(names) * each
     values = BARE.nominal
     values[[BARE.names.index(n) for n in RODS]] += rng.normal(size=len(RODS)) * 3e-5
     poses = np.tile(BARE.tool.reference, (count, 1))
@@ -52,7 +55,7 @@ def measured_by(machine: Model, names: tuple[str, ...], seed: int, noise: float 
     bare = Rows.at(drive_positions(BARE, poses).readings)
     there = predict(BARE, values, bare).values
     assert np.isfinite(there).all()
-    session = rng.permutation(np.repeat(np.arange(len(names)), ROWS))
+    session = rng.permutation(np.repeat(np.arange(len(names)), each))
     readings = np.array([moved(p[None], frames(seed, len(names))[s])[0] for p, s in zip(there, session, strict=True)])
     readings += noise * rng.normal(size=readings.shape)
     columns = {f"session.{name}": (session == k).astype(float) for k, name in enumerate(names)}
@@ -84,9 +87,11 @@ def campaign(seed: int) -> tuple[Problem, Calibration]:
     return problem, calibrated(less, left, problem.model.nominal, FitOptions(), problem.rows.session)
 
 
-def test_a_fit_is_the_same_as_with_all_frames_as_parameters() -> None:
+@pytest.mark.parametrize("drives", [0.0, 2e-6], ids=["exact drives", "drives with errors"])
+def test_a_fit_is_the_same_as_with_all_frames_as_parameters(drives: float) -> None:
     """Values, chi-square, degrees of freedom, and the covariance of the rods by noise."""
     problem = measured_by(PER_SESSION, NAMES, 3)
+    problem = replace(problem, drive_sigma=np.full(problem.rows.readings.shape, drives))
     selected = (*RODS, *of_frames(problem))
     less, left = without_frames(problem, selected, plain=True)
     assert left == RODS and set(less.eliminated) == set(of_frames(problem))
@@ -97,6 +102,21 @@ def test_a_fit_is_the_same_as_with_all_frames_as_parameters() -> None:
     assert (eliminated.dof, problem.count - len(selected)) == (dense.dof, dense.dof)
     assert eliminated.chi2 == pytest.approx(dense.chi2, rel=1e-9)
     assert eliminated.covariance == pytest.approx(dense.covariance[:3, :3], rel=1e-8)
+    assert eliminated.shift == pytest.approx(dense.shift, abs=1e-12)
+    one, other = identify(problem, selected, iterations=1), identify(less, left, iterations=1)
+    assert other.values == pytest.approx(one.values, abs=1e-13), "frames follow each step"
+
+
+def test_noise_is_judged_by_the_equations_that_frames_leave() -> None:
+    """Twice the stated noise in 264 readings, of which 66 numbers of frames take their share."""
+    problem = measured_by(PER_SESSION, NAMES, 11, noise=2 * SIGMA)
+    less, left = without_frames(problem, (*RODS, *of_frames(problem)), plain=True)
+    budget = error_budget(less, identify(less, left), held_parameters(less, left, ()))
+    taken = len(of_frames(problem)) + len(RODS)
+    fit = identify(less, left)
+    left_over = fit.chi2 / (problem.count - taken)
+    assert budget.scales.typical_noise == pytest.approx([left_over], rel=0.06), "what is stated counts ten more"
+    assert set(budget.held).isdisjoint(less.eliminated) and set(budget.every).isdisjoint(less.eliminated)
 
 
 def by_noise(less: Calibration, name: str) -> float:
@@ -201,9 +221,15 @@ def test_what_is_not_plain_or_few_or_known_keeps_its_frames() -> None:
     assert without_frames(problem, selected, plain=False) == (problem, selected)
     assert without_frames(problem, selected[:-1], plain=True)[1] == selected[:-1], "one number is held"
     assert without_frames(replace(problem, method="linear"), selected, plain=True)[1] == selected
+    frame = problem.model.names.index(selected[-1])
+    known = prior_of_covariance(selected[-1:], np.array([[1e-8]]), problem.model.nominal[[frame]])
+    assert without_frames(replace(problem, prior=known), selected, plain=True)[1] == selected
     few = measured_by(PER_SESSION, NAMES[: MANY // 3 - 1], 3)
     chosen = (*RODS, *of_frames(few))
     assert without_frames(few, chosen, plain=True) == (few, chosen)
+    tape = model(overlay("triglide", FITTED.replace("}}", "}, tape: {kind: span, at: tcp, sigma: 1 um}}")))
+    joined = replace(problem, model=tape.for_sessions(NAMES), rows=replace(problem.rows, partner=np.full(132, -1)))
+    assert without_frames(joined, selected, plain=True)[1] == selected
 
 
 def written(path: Path, problem: Problem, without: int | None = None) -> Path:
@@ -238,8 +264,13 @@ def test_the_command_tells_frames_as_ever(tmp_path: Path) -> None:
         assert row["identified"] and row["unit"] == "mm" and row["std"] > row["std_by_data"] > 0
         assert row["value"] == pytest.approx(1e3 * motion[0], abs=5 * row["std"])
         assert row["interval"][1] - row["value"] == pytest.approx(COVER * row["std"], rel=1e-6)
-    kept = yaml.safe_load(found.read_text(encoding="utf-8"))["parameters"]
+    file = yaml.safe_load(found.read_text(encoding="utf-8"))
+    assert set(RODS) < set(file["data"]["names"]) and not any("frame@" in n for n in file["data"]["names"])
+    kept = file["parameters"]
     assert kept["frame@tracker.rz[day 0]"]["identified"] and kept["frame@tracker.rz[day 0]"]["std"] > 0
     again = run("calibrate", machine, table, "-p", found, "--select", CHOSEN, "--json")
     assert again.code == 0 and again.json["chi2"] == pytest.approx(done.json["chi2"], rel=1e-6)
-    assert run("report", "--help").code == 0
+    doubted = tmp_path / "doubted.yaml"
+    doubted.write_text(found.read_text(encoding="utf-8").replace("status: converged", "status: not_converged"))
+    once_more = run("calibrate", machine, table, "-p", doubted, "--select", CHOSEN, "--json")
+    assert once_more.code == 0 and "not_converged" in once_more.err, "nothing of it is kept that was in doubt"

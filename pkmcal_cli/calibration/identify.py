@@ -249,7 +249,7 @@ def _finished(
     values = last.values[scale.index]
     on_bound = (values - scale.low < _BIND * scale.ranges) | (scale.high - values < _BIND * scale.ranges)
     spectrum = directions(near.jacobian, selected, scale.ranges, problem.unseen, scale.beside)
-    if status != _STATUS[ABANDONED] and (not len(selected) or spectrum.held.all()):
+    if status != _STATUS[ABANDONED] and near.frames is None and spectrum.held.all():  # or nothing selected
         status = NOTHING
     moved = int((~spectrum.held).sum()) - int(on_bound.sum()) + (0 if near.frames is None else near.frames.rank)
     names = tuple(n for n, b in zip(selected, on_bound, strict=True) if b)

@@ -98,11 +98,11 @@ class SessionFrames:
             u, s, vt = np.linalg.svd(by_frame, full_matrices=False)
             determined = s > _SEEN * s.max(initial=0.0)
             u, back = u[:, determined], size[k][:, None] * vt[determined].T / s[determined]  # (n C, r), (L, r)
-            both = np.column_stack([residual[some].reshape(-1, 1), others[some].reshape(-1, count)])
+            both = np.column_stack([residual[some].ravel(), others[some].reshape(len(by_frame), count)])
             along = u.T @ both  # (r, 1 + P')
             both -= u @ along
-            residual[some] = both[:, 0].reshape(-1, residual.shape[1])
-            others[some] = both[:, 1:].reshape(-1, *others.shape[1:])
+            residual[some] = both[:, 0].reshape(len(some), residual.shape[1])
+            others[some] = both[:, 1:].reshape(len(some), *others.shape[1:])
             follows[k], noise[k] = back @ along, back @ back.T
             seen[k] = (vt[determined] ** 2).sum(axis=0) > 1.0 - _SHARE**2
             bases.append((some, u))

@@ -1,0 +1,58 @@
+"""Many sessions: what is counted, what repeats, and fits that leave nothing but frames."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pkmcal_cli.calibration.determinacy import determinacy
+from pkmcal_cli.calibration.eliminated_frames import frame_uncertainties, without_frames
+from pkmcal_cli.calibration.fit import ABANDONED
+from pkmcal_cli.calibration.holdout import enough_values
+from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.calibration.replicates import repeated_poses
+from tests.test_session_frames import NAMES, PER_SESSION, RODS, SESSIONS, campaign, frames, measured_by, of_frames
+
+
+def test_frames_count_among_the_unknowns() -> None:
+    """One row a session: 44 readings for 69 unknowns; two: less than three readings for each."""
+    problem = measured_by(PER_SESSION, NAMES, 3, each=1)
+    less, left = without_frames(problem, (*RODS, *of_frames(problem)), plain=True)
+    assert "44 equations, 69 unknowns" in determinacy(less, problem.model.nominal, left).refusal
+    two = measured_by(PER_SESSION, NAMES, 3, each=2)
+    assert not enough_values(without_frames(two, (*RODS, *of_frames(two)), plain=True)[0], left)
+    assert enough_values(two, left), "without its frames"
+
+
+def test_a_fit_that_is_given_up_tells_nothing_of_frames() -> None:
+    _, done = campaign(3)
+    fit = replace(done.robust.fit, stopped=ABANDONED)
+    assert done.frames and not frame_uncertainties(done.robust.problem, fit, done.budget)
+
+
+def test_frames_are_fitted_where_nothing_else_is_identified() -> None:
+    """Where a datum holds all that was selected; the rods are 30 um off, so frames are, by no more than a few."""
+    problem = measured_by(PER_SESSION, NAMES, 3)
+    less, _ = without_frames(problem, (*RODS, *of_frames(problem)), plain=True)
+    fit, dense = identify(less, ()), identify(problem, of_frames(problem))
+    assert fit.status == "converged" and fit.dof == problem.count - 3 * SESSIONS
+    assert fit.values == pytest.approx(dense.values, abs=1e-12)
+    index = [problem.model.names.index(f"frame@tracker.tx[{name}]") for name in NAMES]
+    assert fit.values[index] == pytest.approx(frames(3)[:, 0], abs=2e-4)
+
+
+def test_the_same_pose_in_another_session_is_no_repeat() -> None:
+    """Also of sessions whose numbers have a digit in common: the first and the 31st, of 901."""
+    problem = measured_by(PER_SESSION, tuple(f"day {k}" for k in range(901)), 3, each=1)
+    readings, session = problem.rows.readings.copy(), problem.rows.session
+    first, same_digit, same_other = (int(np.nonzero(session == k)[0][0]) for k in (0, 30, 900))
+    readings[[same_digit, same_other]] = readings[first]
+    alike = replace(problem, rows=replace(problem.rows, readings=readings))
+    assert (repeated_poses(alike) < 0).all()
+    flags = {**problem.rows.columns, "session.day 0": problem.rows.columns["session.day 0"].copy()}
+    flags["session.day 30"] = flags["session.day 30"] * 0.0
+    flags["session.day 0"][same_digit] = 1.0
+    repeat = repeated_poses(replace(problem, rows=replace(problem.rows, readings=readings, columns=flags)))
+    assert np.nonzero(repeat >= 0)[0].tolist() == sorted([first, same_digit])
