@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -11,6 +12,7 @@ from benchmarks.predictions import hexapod
 from benchmarks.structures import structure
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
+from pkmcal_cli.equilibrium.branch import strain_jacobian, strains_exceed
 from pkmcal_cli.equilibrium.fronts import FrontLayout
 from pkmcal_cli.equilibrium.kinematics import State, advance
 from pkmcal_cli.equilibrium.partition import fronts_of
@@ -73,6 +75,22 @@ def test_every_entry_has_one_place(name: str) -> None:
         moved = balance(system, coefficients, advance(system, state, step, scale), scale, tangent=False, taut=True)
         expected = moved.residual.imag / 1e-30
         assert np.abs(matrix[:, :, column] - expected).max() <= 1e-9 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_what_strains_hold_is_seen_front_by_front(name: str) -> None:
+    """Against the singular values of the whole Jacobian; rows fail by themselves, wherever they do."""
+    system, coefficients, state = case(name)
+    values = np.linalg.svd(strain_jacobian(system, coefficients, state, 0.5), compute_uv=False)
+    assert values.shape == (5, system.unknowns)
+    for share, which in ((0.999, -1), (1.001, -1), (0.5, 0), (1.5, system.unknowns // 2), (0.0, 0)):
+        bound = share * values[:, which] ** 2
+        expected = values[:, -1] ** 2 > bound
+        assert (strains_exceed(system, coefficients, state, 0.5, bound) == expected).all(), (share, which)
+        bound[[1, 3]] = 1e-30
+        expected[[1, 3]] = True
+        lost = replace(state, translation=np.where(np.arange(5)[:, None] == 4, np.nan, state.translation))
+        assert (strains_exceed(system, coefficients, lost, 0.5, bound) == [*expected[:4], False]).all()
 
 
 def test_legs_of_the_hexapod_leave_one_by_one_and_the_platform_last() -> None:

@@ -15,6 +15,7 @@ from pkmcal_cli.diagnosis.confirm import held_out_gain
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.known_results import KnownResults
 from pkmcal_cli.diagnosis.linear import Linear
+from pkmcal_cli.diagnosis.model_discrepancy import discrepancy_columns, own_discrepancies
 from pkmcal_cli.diagnosis.scoring import Scored, Search, score_all, score_without
 from tests.benchmark.setting import ready
 from tests.truth.campaigns import campaign, unit
@@ -101,6 +102,20 @@ def test_held_out_gains_belong_to_one_fit(search: Search) -> None:
     assert held_out_gain(search, effect) is gain
     fewer = replace(search, problem=search.problem.without(list(range(10))))
     assert held_out_gain(fewer, effect) == held_out_gain(fresh(fewer), effect) != gain
+
+
+def test_shapes_of_an_effect_are_those_of_it_alone_whoever_was_asked_for_before(search: Search) -> None:
+    """Of effects at one place and at all, of their own shapes and of all shapes."""
+    known, fit, problem = KnownResults(), search.fit, search.problem
+    every = [h for h in search.candidates.hypotheses if h.effect in ("backlash", "pitch_curve", "scale")]
+    for some in (every[:2], every, every[::-1]):
+        both = own_discrepancies(problem, fit, some, known), discrepancy_columns(problem, fit, some, known)
+        alone = [own_discrepancies(problem, fit, [h], KnownResults()).get(h.name) for h in some]
+        assert both[0].keys() == {h.name for h, columns in zip(some, alone, strict=True) if columns is not None}
+        for h, columns in zip(some, alone, strict=True):
+            assert columns is None or np.array_equal(both[0][h.name], columns)
+        assert np.array_equal(both[1], discrepancy_columns(problem, fit, some, KnownResults()))
+    assert len(both[0]) > 2
 
 
 def test_the_oldest_goes_where_columns_take_too_much(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -27,8 +27,10 @@ class _Result:
     result: object
     nbytes: int
 
-    def answers(self, of: tuple[object, ...], key: tuple[Hashable, ...]) -> bool:
-        return len(self.of) == len(of) and all(a is b for a, b in zip(self.of, of, strict=True)) and self.key == key
+    @property
+    def identity(self) -> tuple[int, ...]:
+        """Of the objects."""
+        return tuple(map(id, self.of))
 
 
 @dataclass
@@ -36,6 +38,7 @@ class KnownResults:
     """Results of one search; objects that they depend on are compared by identity, not by content."""
 
     _results: list[_Result] = field(default_factory=list)
+    _by_identity: dict[tuple[int, ...], list[_Result]] = field(default_factory=dict)  # the same, by their objects
 
     def linearised(
         self, problem: Problem, values: Array, names: tuple[str, ...], projected: tuple[str, ...],
@@ -43,7 +46,7 @@ class KnownResults:
     ) -> Linear:  # fmt: skip
         """The problem linearised at values (P,) by parameters `names`, or by more, of which `projected` are."""
         of, key = (problem,), ("linear", values.tobytes())
-        near = [r.result for r in self._results if r.answers(of, key) and isinstance(r.result, Linear)]
+        near = [r.result for r in self._of(of) if r.key == key and isinstance(r.result, Linear)]
         near = [x for x in near if set(names) <= set(x.names)]
         same = next((x for x in near if x.names == names and x.projected == projected), None)
         if same is not None:
@@ -56,29 +59,40 @@ class KnownResults:
         self, of: tuple[object, ...], key: tuple[Hashable, ...], compute: Callable[[], T], nbytes: int = 0
     ) -> T:
         """A result that depends on objects `of` and a key; nbytes: about what it holds."""
-        for r in self._results:
-            if r.answers(of, key):
+        for r in self._of(of):
+            if r.key == key:
                 return cast(T, r.result)
         result = compute()
         self._add(_Result(of, key, result, nbytes))
         return result
 
     def each(
-        self, of: tuple[object, ...], keys: Sequence[Hashable], compute: Callable[[list[int]], Sequence[T]]
+        self,
+        of: tuple[object, ...],
+        keys: Sequence[Hashable],
+        compute: Callable[[list[int]], Sequence[T]],
+        nbytes: Callable[[T], int] = lambda _: 0,
     ) -> list[T]:
         """Results that depend on objects `of` and one key each; `compute` those with some numbers, all at once."""
-        results = {k: r.result for r in self._results for k, key in enumerate(keys) if r.answers(of, (key,))}
+        known = {r.key: r.result for r in self._of(of)}
+        results = {k: known[(key,)] for k, key in enumerate(keys) if (key,) in known}
         missing = [k for k in range(len(keys)) if k not in results]
         for k, result in zip(missing, compute(missing) if missing else (), strict=True):
             results[k] = result
-            self._add(_Result(of, (keys[k],), result, 0))
+            self._add(_Result(of, (keys[k],), result, nbytes(result)))
         return [cast(T, results[k]) for k in range(len(keys))]
+
+    def _of(self, of: tuple[object, ...]) -> Sequence[_Result]:
+        return self._by_identity.get(tuple(map(id, of)), ())
 
     def _add(self, result: _Result) -> None:
         self._results.append(result)
+        self._by_identity.setdefault(result.identity, []).append(result)
         total = sum(r.nbytes for r in self._results)
         while total > _BYTES and len(self._results) > 1:
-            total -= self._results.pop(0).nbytes
+            oldest = self._results.pop(0)
+            self._by_identity[oldest.identity].pop(0)
+            total -= oldest.nbytes
 
     def __reduce__(self) -> tuple[type[KnownResults], tuple[()]]:
         """Another process begins without."""

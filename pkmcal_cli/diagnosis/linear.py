@@ -14,8 +14,9 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, cho_factor, cho_solve, solve_triangular
+from scipy.linalg import solve_triangular
 
+from pkmcal_cli.base.definite import Factor, factored, solved, with_diagonal
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.identifiability import Directions, directions
 from pkmcal_cli.calibration.identify import RowsFailed
@@ -85,8 +86,7 @@ class Linear:
         a, besides = self.of(self.projected) @ spectrum.vectors.T, self._besides[1] @ spectrum.vectors.T
         prior = np.diag(np.where(spectrum.held, 1.0, 0.0)) + besides.T @ besides
         if self.extra is not None:
-            extra_prior = np.diag(1e-6 * (self.extra**2).sum(axis=0) + 1e-12)
-            a, prior = np.hstack([a, self.extra]), block_diag(prior, extra_prior)
+            a, prior = np.hstack([a, self.extra]), with_diagonal(prior, 1e-6 * (self.extra**2).sum(axis=0) + 1e-12)
         return a, prior
 
     @cached_property
@@ -96,11 +96,10 @@ class Linear:
         return np.append(self.spectrum.vectors @ (columns.T @ errors), np.zeros(len(self.fixed[1]) - columns.shape[1]))
 
     @cached_property
-    def _factor(self) -> tuple[Array, tuple[Array, bool]]:
+    def _factor(self) -> tuple[Array, Factor]:
         """The same directions and the Cholesky factor of their normal matrix."""
         a, prior = self.fixed
-        normal = a.T @ a + prior
-        return a, cho_factor(normal) if len(normal) else (np.zeros((0, 0)), True)
+        return a, factored(a.T @ a + prior)
 
     @cached_property
     def _index(self) -> dict[str, int]:
@@ -109,19 +108,19 @@ class Linear:
     def free(self, x: Array) -> Array:
         """V^-1 x of columns (n, k) or a vector (n,)."""
         a, factor = self._factor
-        return x - a @ cho_solve(factor, a.T @ x) if a.shape[1] else x
+        return x - a @ solved(factor, a.T @ x) if a.shape[1] else x
 
     @cached_property
     def unexplained(self) -> Array:
         """V^-1 r (n,), of parameters that are what is known of them."""
         a, factor = self._factor
-        return self.free(self.residual) - (a @ cho_solve(factor, self.pull) if self.pull.any() else 0.0)
+        return self.free(self.residual) - (a @ solved(factor, self.pull) if self.pull.any() else 0.0)
 
     @cached_property
     def freedom(self) -> Array:
         """Share (n,) of each value's variance that projection leaves; 0 where nothing was measured."""
         a, factor = self._factor
-        taken = np.einsum("nk,kn->n", a, cho_solve(factor, a.T)) if a.shape[1] else np.zeros(len(self.residual))
+        taken = np.einsum("nk,kn->n", a, solved(factor, a.T)) if a.shape[1] else np.zeros(len(self.residual))
         return np.where((self.residual != 0) | (np.abs(self.columns).max(axis=1, initial=0.0) > 0), 1 - taken, 0.0)
 
     @cached_property
@@ -131,7 +130,7 @@ class Linear:
         if not self.pull.any():
             return explained
         a, factor = self._factor
-        errors, step = self._besides[0], cho_solve(factor, a.T @ self.residual + self.pull)
+        errors, step = self._besides[0], solved(factor, a.T @ self.residual + self.pull)
         return explained + float(errors @ errors - self.pull @ step)
 
     @cached_property
@@ -143,9 +142,8 @@ class Linear:
         free = self.used + len(self._besides[0]) - int((~self.spectrum.held).sum())
         if self.extra is None:
             return float(free)
-        first, factor = len(self.spectrum.held), self._factor[1]
-        inverse = np.diag(cho_solve(factor, np.eye(len(self.fixed[1]))))
-        return free - float((1.0 - inverse * np.diag(self.fixed[1]))[first:].sum())
+        inverse = np.diag(solved(self._factor[1], np.eye(len(self.fixed[1]))))
+        return free - float((1.0 - inverse * np.diag(self.fixed[1]))[len(self.spectrum.held) :].sum())
 
     def of(self, names: Sequence[str]) -> Array:
         """Columns (n, k) of some parameters."""
@@ -158,7 +156,10 @@ class Linear:
     def projecting(self, names: tuple[str, ...], extra: Array | None = None, residual: Array | None = None) -> Linear:
         """The same with other columns projected out, or another residual."""
         extra = None if extra is None else self._taking_part(extra)
-        return replace(self, projected=names, extra=extra, residual=self.residual if residual is None else residual)
+        out = replace(self, projected=names, extra=extra, residual=self.residual if residual is None else residual)
+        if names == self.projected:
+            vars(out)["spectrum"] = self.spectrum  # of the same columns
+        return out
 
     def besides(self, columns: Array) -> Linear:
         """The same with further columns (n, k), whitened, projected out."""
@@ -190,9 +191,8 @@ class Linear:
             return self
         changed = replace(self, memory=memory)
         extra = None if self.extra is None else changed.whitened(self.extra)
-        return replace(
-            changed, residual=changed.whitened(self.residual), columns=changed.whitened(self.columns), extra=extra
-        )
+        residual, columns = changed.whitened(self.residual), changed.whitened(self.columns)
+        return replace(changed, residual=residual, columns=columns, extra=extra)
 
     def whitened(self, x: Array) -> Array:
         """Columns (n, k) or a vector (n,) of values that take part, made independent from row to row."""

@@ -61,14 +61,26 @@ def _discrepancies(
     names = {h.name: [p.name for p in h.placed if p.name in by_name] for h in hypotheses}
     every = [by_name[n] for n in dict.fromkeys(n for each in names.values() for n in each)]
     placed = [e for e in every if shapes_of(e.effect)]
-    summed: dict[str, dict[int, Array]] = {}
-    for unit in (u for units in _units(problem, fit, placed, known) for u in units):
-        values = [np.broadcast_to(shape(unit.inputs), len(problem)) for shape in shapes_of(unit.placed.effect)]
-        columns = unit.shaped(np.stack(values, axis=1))
-        parts = summed.setdefault(unit.placed.name, {})
-        parts[unit.part] = parts[unit.part] + columns if unit.part in parts else columns  # effect sites have one shape
-    blocks = {h: [c for n in members for c in summed.get(n, {}).values()] for h, members in names.items()}
+
+    def compute(missing: list[int]) -> list[list[Array]]:
+        units = _units(problem, fit, [placed[k] for k in missing], known)
+        return [_shaped(each, len(problem), shapes_of) for each in units]
+
+    of, keys = (problem, fit, shapes_of), [("shaped", e.name) for e in placed]
+    shaped = known.each(of, keys, compute, lambda columns: sum(c.nbytes for c in columns))
+    summed = dict(zip((e.name for e in placed), shaped, strict=True))
+    blocks = {h: [c for n in members for c in summed.get(n, ())] for h, members in names.items()}
     return {h: _unit_length(np.hstack(columns)) for h, columns in blocks.items() if columns}
+
+
+def _shaped(units: Sequence[UnitColumn], rows: int, shapes_of: Callable[[Effect], list[Shape]]) -> list[Array]:
+    """Columns (n, k) of the free shapes of one effect, by number of its entry; its effect sites have one shape."""
+    parts: dict[int, Array] = {}
+    for unit in units:
+        values = [np.broadcast_to(shape(unit.inputs), rows) for shape in shapes_of(unit.placed.effect)]
+        columns = unit.shaped(np.stack(values, axis=1))
+        parts[unit.part] = parts[unit.part] + columns if unit.part in parts else columns
+    return list(parts.values())
 
 
 def _units(

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln, ndtr, ndtri, stdtr
 
+from pkmcal_cli.base.definite import solved
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.diagnosis.linear import Linear
 from pkmcal_cli.diagnosis.scale import Scale
@@ -41,10 +42,8 @@ def row_scores(linear: Linear, measured: NDArray[np.bool_], scale: Scale) -> Row
     measured[:, list(linear.once)] = False
     residual = np.where(measured, linear.unexplained.reshape(measured.shape), 0.0)
     a, factor = linear._factor
-    from scipy.linalg import cho_solve
-
     blocks = np.where(measured[..., None], a.reshape(*measured.shape, -1), 0.0)
-    spread = cho_solve(factor, blocks.reshape(a.shape).T).T.reshape(blocks.shape) if a.shape[1] else blocks
+    spread = solved(factor, blocks.reshape(a.shape).T).T.reshape(blocks.shape) if a.shape[1] else blocks
     information = np.eye(measured.shape[1]) * measured[:, :, None] - np.einsum("nck,ndk->ncd", blocks, spread)
     information += np.eye(measured.shape[1]) * ~measured[:, :, None]
     clear = np.linalg.eigvalsh(information)[:, 0] > 1e-3  # else one row alone holds a parameter

@@ -11,8 +11,9 @@ from pkmcal_cli.effects.effect import DURING, OVER, Effect, EffectParameter, Inp
 
 
 def _curve(at: Inputs, *sizes: Any) -> Any:
-    shapes = islice(legendres(at.normalised_travel), 2, 2 + len(sizes))
-    return sum(size * shape for size, shape in zip(sizes, shapes, strict=True))
+    there = [k for k, size in enumerate(sizes) if size]  # one of many where derivatives are taken
+    shapes = list(islice(legendres(at.normalised_travel), 2, 3 + max(there, default=-1)))
+    return sum(sizes[k] * shapes[k] for k in there)
 
 
 def _harmonics(phase: Any, c1: Any, s1: Any, c2: Any, s2: Any) -> Any:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.sparse_map import pick
@@ -22,6 +23,25 @@ from pkmcal_cli.mechanism.topology import Index
 
 def strain_jacobian(system: System, coefficients: Array | SystemNumbers, state: State, length: float) -> Array:
     """Differentiate all acting strains by the unknowns, lengths relative to `length`: (N, m, n)."""
+    maps = system.strain_maps
+    out = np.zeros((len(state), maps.count * system.unknowns))
+    out[:, maps.filled] = _entries(system, coefficients, state, length)
+    return out.reshape(len(state), maps.count, system.unknowns)
+
+
+def strains_exceed(
+    system: System, coefficients: Array | SystemNumbers, state: State, length: float, bound: Array
+) -> NDArray[np.bool_]:
+    """Tell where (N,) all squared singular values of that Jacobian, of a system with fronts, are above a bound (N,)."""
+    fronts = system.strain_fronts
+    assert fronts is not None
+    values = _entries(system, coefficients, state, length)
+    finite = np.asarray(np.isfinite(values).all(axis=1))
+    return finite & fronts.exceed(np.where(finite[:, None], values, 0.0), bound)
+
+
+def _entries(system: System, coefficients: Array | SystemNumbers, state: State, length: float) -> Array:
+    """The entries of that Jacobian that may be other than zero, (N, entries)."""
     maps, numbers = system.strain_maps, system_numbers(system, coefficients)
     stacked = geometries(system, state, rotated_offset_vectors(system.topology, numbers.bodies, state))
     gradients = np.empty((maps.jacobian.columns, len(state)))
@@ -32,10 +52,8 @@ def strain_jacobian(system: System, coefficients: Array | SystemNumbers, state: 
         own.of(gradients)[...] = b
         directions, part = geometry.directions, pick(b, group.map.moving)[..., :3]
         np.einsum("nmxd,nmkd->nmkx", directions, part, out=varying.of(gradients))
-    out = np.zeros((len(state), maps.count * system.unknowns))
-    out[:, maps.filled] = maps.jacobian(gradients).T
     unit = np.where(system.free < len(system.topology.translation_coefficients), length, 1.0)
-    return np.asarray(out.reshape(len(state), maps.count, system.unknowns) * unit)
+    return np.asarray(maps.jacobian(gradients).T * unit[maps.filled % max(system.unknowns, 1)])
 
 
 def independent_strains(jacobian: Array) -> Index:

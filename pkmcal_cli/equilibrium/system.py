@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from pkmcal_cli.equilibrium.group_map import GroupMap
 from pkmcal_cli.equilibrium.links import LinkMap, build_links
 from pkmcal_cli.equilibrium.maps import GeometryMaps, Maps, MapsBuilder, StrainMaps
+from pkmcal_cli.equilibrium.strain_fronts import StrainFronts
 from pkmcal_cli.mechanism.topology import DriveKind, Group, Index, RotationKind, Topology
 
 
@@ -75,6 +76,12 @@ class System:
     def strain_maps(self) -> StrainMaps:
         """Constant maps between gradients of strains and the unknowns."""
         return StrainMaps.of(self.groups, self.unknowns)
+
+    @cached_property
+    def strain_fronts(self) -> StrainFronts | None:
+        """The fronts in which strains count; None where the tangent is solved as one matrix."""
+        fronts = self.maps.fronts
+        return None if fronts is None else StrainFronts.of(*np.divmod(self.strain_maps.filled, self.unknowns), fronts)
 
 
 def build_system(topology: Topology, states: tuple[DriveState, ...], loaded: bool, aim: Aim = ()) -> System:

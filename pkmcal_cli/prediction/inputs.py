@@ -70,7 +70,8 @@ class SiteInputs(AtSite):
     @property
     def reading(self) -> Array:
         """Reading of the drive; 0 where nobody read it: then nothing is compared with it either."""
-        read = np.nan_to_num(self.table.readings[:, self.drive])
+        read = self.table.readings[:, self.drive]
+        read = np.where(np.isnan(read), 0.0, read)
         return np.asarray(read + self.step if self.step else read)
 
     @property

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.equilibrium.branch import strain_jacobian
+from pkmcal_cli.equilibrium.branch import strain_jacobian, strains_exceed
 from pkmcal_cli.equilibrium.energy import slack_ropes
 from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.equilibrium.strains import all_strains
@@ -61,7 +61,13 @@ def no_other_near(model: Model, numbers: SystemNumbers, state: State, apart: Arr
     """Tell where (N,) parts that should meet are less apart, in sizes, than two assemblies of the machine would be."""
     out = np.asarray(apart <= NO_MISFIT)
     near = np.nonzero(~out & (apart <= LEAST_MISFIT))[0]
-    if len(near):
-        jacobian = strain_jacobian(model.exact, numbers.take(near), state.take(near), model.length)
-        out[near] = is_sole(jacobian, apart[near])
+    if not len(near):
+        return out
+    if len(near) < len(out):
+        numbers, state = numbers.take(near), state.take(near)
+    if model.exact.strain_fronts is None:
+        out[near] = is_sole(strain_jacobian(model.exact, numbers, state, model.length), apart[near])
+    else:  # the same, of many unknowns
+        bound = apart[near] * (REGULAR**2 / NO_MISFIT)
+        out[near] = strains_exceed(model.exact, numbers, state, model.length, bound)
     return out

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -130,6 +131,12 @@ class RopeStrains:
     by_drive: Array
 
 
+@cache
+def _odd_weights(count: int) -> NDArray[np.uint64]:
+    """So many odd numbers, the same each time."""
+    return np.random.default_rng(0).integers(1, 2**63, count, dtype=np.uint64) * 2 + 1
+
+
 @dataclass(frozen=True)
 class Sought:
     """At which numbers of N rows a model was asked, and compared with its other assemblies, as `marks` (N,) of them.
@@ -147,9 +154,8 @@ class Sought:
         Whatever one of them changes by shows, however small it is beside the others, and it does not matter which rows
         are asked together.
         """
-        weights = np.random.default_rng(0).integers(1, 2**63, coefficients.shape[1], dtype=np.uint64) * 2 + 1
         bits = np.ascontiguousarray(coefficients).view(np.uint64)
-        return cls(model, ((bits ^ (bits >> np.uint64(32))) * weights).sum(axis=1))
+        return cls(model, ((bits ^ (bits >> np.uint64(32))) * _odd_weights(bits.shape[1])).sum(axis=1))
 
     def answers(self, other: Sought) -> bool:
         """Whether all rows of another one are the same."""
