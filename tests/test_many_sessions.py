@@ -13,6 +13,8 @@ from pkmcal_cli.calibration.fit import ABANDONED
 from pkmcal_cli.calibration.holdout import enough_values
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.replicates import repeated_poses
+from pkmcal_cli.prediction import Request, Rows, predict
+from tests.support import model, overlay
 from tests.test_session_frames import NAMES, PER_SESSION, RODS, SESSIONS, campaign, frames, measured_by, of_frames
 
 
@@ -56,3 +58,21 @@ def test_the_same_pose_in_another_session_is_no_repeat() -> None:
     flags["session.day 0"][same_digit] = 1.0
     repeat = repeated_poses(replace(problem, rows=replace(problem.rows, readings=readings, columns=flags)))
     assert np.nonzero(repeat >= 0)[0].tolist() == sorted([first, same_digit])
+
+
+def test_two_effects_of_one_name_both_act() -> None:
+    """As searches have them beside each other, with parameters of their own: readings move by the sum."""
+    machine = model(overlay("triglide", "effects: {scale@q1: {s: 0}}\n"))
+    (placed,), name = machine.effects, "scale@q1.s"
+    declared = machine.parameters[machine.names.index(name)]
+    twin = replace(placed, parameters=("other.s",))
+    both = machine.with_effects((twin,), (replace(declared, name="other.s"),))
+    rows = Rows.at(machine.reference_readings[None] + np.linspace(0.0, 0.05, 4)[:, None])
+    jacobian = predict(both, both.nominal, rows, Request(parameters=(name, "other.s"))).jacobian
+    assert jacobian is not None and np.abs(jacobian[..., 0]).max() > 1e-3
+    assert jacobian[..., 1] == pytest.approx(jacobian[..., 0], abs=0.0)
+    values = both.nominal
+    values[[both.names.index(name), both.names.index("other.s")]] = 1e-3, 2e-3
+    alone = machine.nominal
+    alone[machine.names.index(name)] = 3e-3
+    assert predict(both, values, rows).values == pytest.approx(predict(machine, alone, rows).values, abs=1e-15)

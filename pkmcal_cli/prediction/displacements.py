@@ -135,12 +135,12 @@ class _Acting:
 def _instances(effects: Sequence[PlacedEffect]) -> Iterator[Sequence[PlacedEffect]]:
     """Effects in their order; together those that are one at one place, with numbers that only sessions tell apart."""
 
-    def site(placed: PlacedEffect) -> tuple[str, ...]:
-        together = placed.session and placed.effect.row_by_row
-        return (placed.effect.keyword, placed.at) if together else (placed.name,)
+    def site(numbered: tuple[int, PlacedEffect]) -> tuple[object, ...]:
+        k, placed = numbered  # searches have several of one name
+        return (placed.effect.keyword, placed.at) if placed.session and placed.effect.row_by_row else (k,)
 
-    for _, same in groupby(effects, site):
-        yield tuple(same)
+    for _, same in groupby(enumerate(effects), site):
+        yield tuple(placed for _, placed in same)
 
 
 def _acting(
