@@ -123,7 +123,7 @@ INFERENCE = (
     ),
     Mutant(
         "diagnosis/linear.py",
-        "return x - a @ cho_solve(factor, a.T @ x)",
+        "return x - a @ solved(factor, a.T @ x)",
         "return x + a @ cho_solve(factor, a.T @ x)",
         _SCORES,
     ),
