@@ -1,0 +1,41 @@
+"""Texts of entries that one line of a file stands for (`each`): told once, with all their names."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable
+
+from pkmcal_cli.base.plural import listed
+
+_MARK = "`"
+
+
+def gathered(texts: Iterable[tuple[Hashable, str]]) -> list[tuple[int, str]]:
+    """Texts, each with what it must share with another, those that differ in one name (in backticks) made one.
+
+    Returns the place of the first of each, in order, and its text: the first, "(also `b`, `c`)".
+    """
+    groups: list[list[tuple[int, list[str]]]] = []
+    known: dict[Hashable, list[list[tuple[int, list[str]]]]] = {}
+    for k, (shared, text) in enumerate(texts):
+        parts = text.split(_MARK)
+        alike = known.setdefault((shared, *parts[::2]), [])
+        for group in alike:
+            if len(_different([*(each for _, each in group), parts])) == 1:
+                group.append((k, parts))
+                break
+        else:
+            groups.append([(k, parts)])
+            alike.append(groups[-1])
+    return [(group[0][0], _one([parts for _, parts in group])) for group in groups]
+
+
+def _different(texts: list[list[str]]) -> list[int]:
+    """Which parts of texts differ."""
+    return [k for k, parts in enumerate(zip(*texts, strict=True)) if len(set(parts)) > 1]
+
+
+def _one(texts: list[list[str]]) -> str:
+    """The first text, with the names of the others."""
+    first = _MARK.join(texts[0])
+    others = [f"{_MARK}{text[k]}{_MARK}" for k in _different(texts) for text in texts[1:]]
+    return f"{first} (also {listed(others, 9)})" if others else first
