@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from pkmcal_cli.base.gathered import gathered
+from pkmcal_cli.base.plural import gathered
 from pkmcal_cli.base.visible import in_line, visible
 
 MAX_FAULTS = 50
@@ -218,6 +218,15 @@ class FaultList:
         errors = self.errors
         if errors:
             raise BadInput(errors[:MAX_FAULTS], len(errors))
+
+
+def warnings_among(faults: Iterable[Fault]) -> list[Fault]:
+    """The warnings, sorted by place. Raises `BadInput` with the errors."""
+    every = FaultList()
+    for fault in faults:
+        every.add(fault)
+    every.raise_if_any()
+    return every.warnings
 
 
 def _sorted(faults: Iterable[Fault]) -> list[Fault]:
