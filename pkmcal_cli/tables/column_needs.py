@@ -189,11 +189,11 @@ class Needs:
         message = f"the table has no targets: none of the TCP coordinates {coordinates}"
         self._missing(message, *(c for c in self.columns.values() if c.role in ("target", "channel")))
 
-    def _empty_coordinates(self, wanted: str) -> bool:
+    def _empty_coordinates(self, noun: str) -> bool:
         """Whether the table has columns of TCP coordinates, which are then told to be empty."""
         empty = [f"`{b.column.header}`" for b in self.targets()]
         if empty:
-            message = f"the table has no {wanted}: nothing stands in {listed(empty)}"
+            message = f"the table has no {noun}: nothing stands in {listed(empty)}"
             self.log.add(Flaw("csv-missing", message, _EVERY_COORDINATE, self.reader.format.header_line))
         return bool(empty)
 
