@@ -18,6 +18,7 @@ BAD = {
     "too many": ([SCISSORS, "turned.csv"], 3, "no degree of freedom moves `rz` of tool point `platform`"),
     "freedoms": ([HANGPRINTER, "six.csv"], 3, "has no `rx`"),
     "empty": ([BIGLIDE, "empty.csv"], 3, "empty cell in column `y`"),
+    "unfilled": ([BIGLIDE, "unfilled.csv"], 3, "the table has no targets: nothing stands in `x`, `y`"),
     "choice": ([BIGLIDE, "t.csv", "--redundant", "minforce"], 2, "did you mean `min-force`?"),
     "nothing": ([BIGLIDE], 2, "give either a table of targets or --grid"),
     "both": ([BIGLIDE, "t.csv", "--grid", GRID], 2, "give either a table of targets or --grid"),
@@ -40,6 +41,7 @@ def test_what_is_wrong_is_said(case: str, tmp_path: Path, monkeypatch: pytest.Mo
     for name, text in {
         "t": "x,y\n300,250\n", "far": "id,x,y\nf,300,5000\n", "drives": "q1,q2\n1,2\n", "turned": "x,y,rz\n0,0,0\n",
         "six": "x,y,z,rx\n0,0,100,0\n", "empty": "x,y\n300,250\n310,\n", "warm": "x,y,T\n300,250,22\n",
+        "unfilled": "id,x,y\na,,\nb,,\n",
     }.items():  # fmt: skip
         Path(f"{name}.csv").write_text(text)
     arguments, code, said = BAD[case]
@@ -47,6 +49,23 @@ def test_what_is_wrong_is_said(case: str, tmp_path: Path, monkeypatch: pytest.Mo
         arguments = [TRIGLIDE, "t.csv", "-p", "p.yaml"]
     done = clean(run("correct", *arguments))
     assert done.code == code and said in done.err, done.err
+
+
+@pytest.mark.parametrize("text", ["id,x,y\n", "\ufeffid,x,y\r\n", "id,x,y\n\n  \n", "id;x;y\n;;\n"])
+@pytest.mark.parametrize("command", ["correct", "simulate", "draw", "plan", "observability", "sensitivity"])
+def test_a_table_of_poses_without_rows_is_told_as_that(command: str, text: str, tmp_path: Path) -> None:
+    """Columns of the tool point are there; before, they were told to be missing."""
+    (table := tmp_path / "t.csv").write_bytes(text.encode())
+    out = ("-o", tmp_path / "o.svg") if command == "draw" else ()
+    done = clean(run(command, BIGLIDE, table, *out))
+    assert done.code == 3, done.err
+    assert f"{table}:1: error[csv-empty]: the table has no rows below the header" in done.err
+
+
+def test_poses_that_nothing_states_are_told(tmp_path: Path) -> None:
+    (table := tmp_path / "t.csv").write_text("id,x,y\na,,\nb,,\n")
+    done = clean(run("simulate", BIGLIDE, table))
+    assert done.code == 3 and "the table has no poses: nothing stands in `x`, `y`" in done.err, done.err
 
 
 def test_an_empty_cell_of_a_circumstance_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,7 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from pkmcal_cli.base.errors import BadInput
+from pkmcal_cli.loading.load_machine import load_machine
 from tests.machine_texts import faults, read
+from tests.support import MACHINES
 
 
 def x_of(folder: Path, text: str, value: str) -> float:
@@ -103,3 +106,29 @@ def test_the_fault_shows_the_expression_that_was_read(tmp_path: Path) -> None:
         'ground: {"p{j}": {each: {j: [1], d: [-2]}, at: ["sqrt({d}*l)", 0]}}\n'
     )
     assert any("`sqrt((-2)*l)`" in fault for fault in faults(tmp_path, text))
+
+
+def test_one_warning_of_one_line_names_its_members(tmp_path: Path) -> None:
+    text = (
+        f"extends: {MACHINES}/scissors.yaml\n"
+        'effects: {"sag@{i}.x": {each: {i: [left, right]}}}\n'
+        'actuators: {"q{i}": {each: {i: [1, 2, 3, 4]}, limits: [1 m, 2 m]}}\n'
+    )
+    read(tmp_path, text)
+    warnings = load_machine(str(tmp_path / "m.yaml")).warnings
+    assert [w.what for w in warnings if w.code == "no-gravity"] == [
+        "`sag@left.x` does nothing: no gravity acts (also `sag@right.x`)"
+    ]
+    readings = [w.what for w in warnings if w.code == "limits"]  # what differs in more than its name stays apart
+    assert [(w.partition(" in the")[0], w.rpartition(") ")[2]) for w in readings] == [
+        ("`q1` reads 911.056 mm", "(also `q4`)"),
+        ("`q2` reads -911.056 mm", "(also `q3`)"),
+    ]
+
+
+def test_one_fault_of_one_line_names_its_members(tmp_path: Path) -> None:
+    text = f'extends: {MACHINES}/scissors.yaml\neffects: {{"self_weight@rod{{i}}": {{each: {{i: [1, 2, 3]}}}}}}\n'
+    read(tmp_path, text)
+    with pytest.raises(BadInput) as caught:
+        load_machine(str(tmp_path / "m.yaml"))
+    assert [f.what for f in caught.value.faults] == ["`self_weight` cannot be placed at `rod1` (also `rod2`, `rod3`)"]

@@ -74,7 +74,9 @@ def test_a_shape_over_time_belongs_to_its_session(tmp_path: Path) -> None:
         day.write_text(drifting(size, 11 + int(100 * size)), encoding="utf-8")
     made = tmp_path / "made.yaml"
     clean(run("improve", machine(tmp_path), *days, "-o", made))
-    assert '"unexplained@q2:time[tuesday]":' in made.read_text(encoding="utf-8")
+    text = made.read_text(encoding="utf-8")
+    assert '"unexplained@q2:time[tuesday]":' in text
+    assert "# unexplained deviation over time: " in text and "over the travel" not in text
     rows = "q1 [deg],q2 [deg],time,session\n" + "".join(
         f"125,50,{t},{day}\n" for day in ("monday", "tuesday", "friday") for t in (600, 3000)
     )

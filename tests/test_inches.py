@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -93,3 +94,32 @@ def test_identified_values_are_the_same(folder: Path) -> None:
         assert unit == "in" and value * INCH == pytest.approx(metric, abs=1e-6 * metric_std)
         assert std * INCH == pytest.approx(metric_std, rel=1e-6)
     assert found["in"]["l1"][0] == pytest.approx(12.05, abs=1e-7)
+
+
+def lengths(text: str) -> list[tuple[float, str]]:
+    """All lengths of a text, mm, each with its unit."""
+    scale = {"um": 1e-3, "mm": 1.0, "in": INCH}
+    return [(float(number) * scale[unit], unit) for number, unit in re.findall(r"([0-9.]+) (um|mm|in)\b", text)]
+
+
+def test_errors_of_positions_are_told_in_inches(folder: Path) -> None:
+    """What `correct`, an export, a map of uncertainties and a study say: the same lengths as beside millimetres."""
+    told, area = {}, ("--within", "x=5in:7in,y=9in:9.9in")
+    for unit in ("in", "mm"):
+        plant = {"in": "l1: 12.05", "mm": f"l1: {12.05 * INCH!r}"}[unit]
+        Path("plant.yaml").write_text(f"parameters: {{{plant}}}\n")
+        run("simulate", f"{unit}.yaml", f"{unit}.csv", "-p", "plant.yaml", "--noise", "none", "-o", "m.csv", "--force")
+        run("calibrate", f"{unit}.yaml", "m.csv", "--holdout", "none", "--select", "l1,l2", "-o", "p.yaml", "--force")
+        Path("t.csv").write_text("x [in],y [in]\n6,9.5\n7,9.8\n5.5,9.9\n")
+        of_file, out = (f"{unit}.yaml", "t.csv", "-p", "p.yaml"), ("-o", "o.csv", "--force")
+        texts = [
+            run("correct", *of_file, *out).err.partition("Predicted")[2],
+            run("correct", *of_file, *out, "--as", "csv").err.partition("rms:")[2],
+            run("simulate", *of_file, *out, "--uncertainty").err.partition("calibration")[2],
+            run("study", f"{unit}.yaml", *area, "--points", "5", "--repeat", "2").err.partition("mean error")[2],
+        ]
+        told[unit] = [lengths(text) for text in texts]
+    for inches, metric in zip(told["in"][:3], told["mm"][:3], strict=True):
+        assert len(metric) > 1 and {unit for _, unit in inches} == {"in"}, inches
+        assert [size for size, _ in inches] == pytest.approx([size for size, _ in metric], rel=0.01, abs=2e-7)
+    assert {unit for _, unit in told["in"][3]} == {"in"}  # noise of its own: no equal numbers

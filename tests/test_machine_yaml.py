@@ -19,6 +19,7 @@ from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.language.walk import quantities, written_values
 from pkmcal_cli.units.dimensions import ANGLE, FORCE, LENGTH, STIFFNESS
 from tests.machine_texts import TRIGLIDE, faults, read, warned
+from tests.support import MACHINES
 
 HERE = Path(__file__).parent
 BAD = sorted(path.stem for path in (HERE / "bad").glob("*.expected") if path.with_suffix(".yaml").exists())
@@ -165,6 +166,15 @@ def test_masses_without_gravity_are_doubted(tmp_path: Path) -> None:
     assert warned(tmp_path, text) == ["`gravity` is missing: the given masses have no weight"]
     assert warned(tmp_path, text + "own_weight: false\n") == []
     assert warned(tmp_path, text + "gravity: [0, 0, -9.81]\n") == []
+
+
+def test_what_a_sigma_is_says_nothing_without_it(tmp_path: Path) -> None:
+    def q2(keys: str) -> list[str]:
+        return warned(tmp_path, f"extends: {MACHINES}/scissors.yaml\nactuators: {{q2: {{{keys}}}}}\n")
+
+    said = "`sigma_is` says nothing where the actuator has no `sigma` and the table no `sigma.q2`"
+    assert q2("sigma_is: exact") == q2("sigma_is: unknown") == [said]
+    assert q2("sigma_is: exact, sigma: 10 um") == []
 
 
 def test_a_body_point_that_is_used_by_nothing_is_doubted(tmp_path: Path) -> None:

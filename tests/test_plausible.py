@@ -182,7 +182,9 @@ def test_no_table_that_lies_is_good(change: Callable[[list[str], Rows], None], t
 def test_it_can_be_accepted_which_is_recorded_and_repeated(tmp_path: Path) -> None:
     table, file = spoilt(tmp_path, turned), tmp_path / "p.yaml"
     done = calibrated(table, "-o", file, "--starts", "1", "--accept")
-    assert done.code == 0 and done.json["status"] == "implausible" and "accepted" in done.err
+    assert done.code == 0 and done.json["status"] == "implausible" and done.json["verdict"] == "accepted"
+    assert done.err.count("IMPLAUSIBLE, but accepted (`--accept`), and converged in") == 1
+    assert "because: " in done.err and "do not use" not in done.err
     reasons = yaml.safe_load(file.read_text(encoding="utf-8"))["provenance"]["accepted"]
     assert reasons == done.json["implausible"]
     again = run("sensitivity", MACHINE, "-p", file)

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from pkmcal_cli.base.plural import gathered
 from pkmcal_cli.base.visible import in_line, visible
 
 MAX_FAULTS = 50
@@ -204,12 +205,12 @@ class FaultList:
 
     @property
     def errors(self) -> list[Fault]:
-        """The faults that are no warnings, sorted by place."""
+        """The faults that are no warnings, sorted by place, those of one entry of a file gathered."""
         return _sorted(f for f in self.faults if f.severity == "error")
 
     @property
     def warnings(self) -> list[Fault]:
-        """The warnings, sorted by place."""
+        """The warnings, as the errors."""
         return _sorted(f for f in self.faults if f.severity == "warning")
 
     def raise_if_any(self) -> None:
@@ -219,9 +220,21 @@ class FaultList:
             raise BadInput(errors[:MAX_FAULTS], len(errors))
 
 
+def warnings_among(faults: Iterable[Fault]) -> list[Fault]:
+    """The warnings, sorted by place. Raises `BadInput` with the errors."""
+    every = FaultList()
+    for fault in faults:
+        every.add(fault)
+    every.raise_if_any()
+    return every.warnings
+
+
 def _sorted(faults: Iterable[Fault]) -> list[Fault]:
     nowhere = Location("", 0, 0)
-    return sorted(faults, key=lambda f: (f.where or nowhere, f.what))
+    ordered = sorted(faults, key=lambda f: (f.where or nowhere, f.what))
+    entries = [replace(f, what="" if f.where is not None and f.where.column else f.what) for f in ordered]
+    texts = zip(entries, (f.what for f in ordered), strict=True)
+    return [replace(ordered[k], what=text) for k, text in gathered(texts)]
 
 
 def nearest(name: str, names: Iterable[str]) -> str | None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pkmcal_cli.base.errors import BadInput, Fault
+from pkmcal_cli.base.errors import Fault, warnings_among
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.compiler import assemble as asm
 from pkmcal_cli.compiler.base_places import base_of
@@ -81,14 +81,13 @@ def _compiled(machine: Machine, receptive: bool) -> Compiled:
     fitted = frozenset(n for n, s in machine.sensors.items() if s.frame not in (None, "machine"))
     receptive = receptive or bool(machine.effects) or bool(fitted)
     first = _assembled(machine, ReferenceConfiguration(), receptive)
-    _raise_errors(drawn_faults(first.structure))
-    if wrong := number_faults(machine, first.topology, first.drives):
-        raise BadInput(wrong)
+    warnings_among(drawn_faults(first.structure))
+    warnings_among(number_faults(machine, first.topology, first.drives))
     length = first.length
     state, gaps = asm.assemble(first.topology, length)
     made = _assembled(machine, asm.reference_configuration(first.topology, state), receptive)
     far = far_from_drawing(machine, first.topology, state, length)
-    doubts = (*_raise_errors([*drawn_faults(made.structure), *pull_faults(made.structure)]), *far)
+    doubts = (*warnings_among([*drawn_faults(made.structure), *pull_faults(made.structure)]), *far)
     topology, drives, sensors = made.topology, made.drives, made.sensors
     basis, system = asm.free_motions(topology, length)
     read = tuple(v.index for v in sensors.observed if v.measurand is Measurand.ORIENTATION)
@@ -109,13 +108,6 @@ def _compiled(machine: Machine, receptive: bool) -> Compiled:
         model = model.with_effects(*declared_effects(machine, model))
     vectors = len(topology.offset_vectors.offset_coefficients)
     return Compiled(model, mobility, tuple(gaps), doubts, layout_of(made.structure, vectors))
-
-
-def _raise_errors(faults: list[Fault]) -> tuple[Fault, ...]:
-    """The warnings among faults. Raises BadInput with the errors."""
-    if wrong := [fault for fault in faults if fault.severity == "error"]:
-        raise BadInput(wrong)
-    return tuple(faults)
 
 
 @dataclass(frozen=True, kw_only=True)

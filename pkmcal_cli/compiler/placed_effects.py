@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from typing import Final
 
-from pkmcal_cli.base.errors import BadInput, Fault, did_you_mean
+from pkmcal_cli.base.errors import Fault, FaultList, did_you_mean
 from pkmcal_cli.effects import ABSENT, KINDS, Effect, catalogue
 from pkmcal_cli.effects.unexplained import ENTRIES as SHAPE_ENTRIES
 from pkmcal_cli.effects.unexplained import UNEXPLAINED, Unexplained, place_and_axis, unexplained
@@ -45,26 +45,28 @@ def declared_effects(machine: Machine, model: Model) -> Placed:
     sites = model.sites
     effects: list[PlacedEffect] = []
     parameters: list[ModelParameter] = []
-    faults = []
+    faults = FaultList()
     for name, entries in machine.effects.items():
         keyword, _, at = name.partition("@")
         if keyword == UNEXPLAINED:
             shape = _placed_shape(machine, sites, at, entries)
-            faults += [shape] if isinstance(shape, Fault) else []
-            effects += [] if isinstance(shape, Fault) else [shape]
-            parameters += () if isinstance(shape, Fault) else weights_of(shape)
+            if isinstance(shape, Fault):
+                faults.add(shape)
+                continue
+            effects.append(shape)
+            parameters += weights_of(shape)
             continue
         effect = catalogue()[keyword]
         known = _places_for(machine, model, effect, at)
         if at not in known:
-            faults.append(_no_place(machine, sites, effect, at, known))
+            faults.add(_no_place(machine, sites, effect, at, known))
             continue
         placed, own_parameters = placed_effect(effect, at, known[at], machine.space == "planar", entries, model.length)
-        faults += _idle_numbers(machine, placed, entries)
+        for fault in _idle_numbers(machine, placed, entries):
+            faults.add(fault)
         effects.append(placed)
         parameters += own_parameters
-    if faults:
-        raise BadInput(faults)
+    faults.raise_if_any()
     for name, sensor in machine.sensors.items():
         if sensor.frame not in (None, "machine") and f"{_FRAME}@{name}" not in machine.effects:
             placed, own_parameters = _fitted_frame(name, sites[_FRAME][name], machine.space == "planar", model.length)

@@ -34,7 +34,7 @@ __all__ = [
     "Inputs",
     "Option",
     "catalogue",
-    "effect_named",
+    "effect_at",
 ]
 
 
@@ -44,10 +44,11 @@ def catalogue() -> dict[str, Effect]:
     return members(__name__, __path__, Effect)
 
 
-def effect_named(keyword: str) -> Effect | None:
-    """An effect of the catalogue, or a displacement without a name; None for other words."""
-    from pkmcal_cli.effects.unexplained import UNEXPLAINED, FreeShape, unexplained
+def effect_at(keyword: str, at: str) -> Effect | None:
+    """An effect of the catalogue, or a displacement without a name over the axis of its place; None for other words."""
+    from pkmcal_cli.effects.unexplained import UNEXPLAINED, FreeShape, place_and_axis, unexplained
 
     if keyword == UNEXPLAINED:
-        return unexplained("command", FreeShape(knots=(0.0, 1.0, 2.0), spread=1.0, width=1.0))
+        shape = FreeShape(knots=(0.0, 1.0, 2.0), spread=1.0, width=1.0)
+        return unexplained("command", shape, place_and_axis(at)[1])
     return catalogue().get(keyword)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pkmcal_cli.base.errors import BadInput, Fault, FaultList, Location
+from pkmcal_cli.base.errors import BadInput, Fault, Location, warnings_among
 from pkmcal_cli.base.plural import count, listed
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.compiler import Compiled, compile_machine
@@ -72,7 +72,7 @@ def load_machine(path: str, receptive: bool = False, tables: Sequence[str] = ())
 
 def loaded_machine(machine: Machine, receptive: bool = False) -> LoadedMachine:
     """Compile and check a machine that was read. Raises BadInput with all faults of the stage that fails."""
-    _raise_errors(structure_faults(machine))
+    warnings_among(structure_faults(machine))
     try:
         compiled = compile_machine(machine, receptive)
     except BadConfiguration as error:
@@ -83,7 +83,7 @@ def loaded_machine(machine: Machine, receptive: bool = False) -> LoadedMachine:
     except (ValueError, KeyError) as error:
         message = f"this machine cannot be built: {error.args[0] if error.args else error}"
         raise BadInput.single(message, Location(machine.files[0][0]), code="machine") from error
-    warnings = _raise_errors(mechanism_faults(machine, compiled))
+    warnings = warnings_among(mechanism_faults(machine, compiled))
     remarks = tuple(w for w in machine.warnings if w.code == _CHANGES_NOTHING)
     doubts = (w for w in machine.warnings if w.code != _CHANGES_NOTHING)
     return LoadedMachine(machine, compiled, (*doubts, *warnings, *_slips(machine, compiled)), remarks)
@@ -95,15 +95,6 @@ def _slips(machine: Machine, compiled: Compiled) -> list[Fault]:
     model = compiled.model
     slips = unit_slips(machine, model.length, model.base.targets(model.topology.coefficients))
     return [fault for fault in slips if fault.where not in reported]
-
-
-def _raise_errors(kept: Sequence[Fault]) -> list[Fault]:
-    """The warnings among faults; raises BadInput with the errors."""
-    faults = FaultList()
-    for fault in kept:
-        faults.add(fault)
-    faults.raise_if_any()
-    return faults.warnings
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -69,6 +69,7 @@ class CalibrationReport:
         odd: OddReadings,
         *,
         mistakes: tuple[str, ...] = (),
+        accepted: bool = False,
     ) -> None:
         fit, intervals = calibration.robust.fit, calibration.intervals
         self.calibration, self.odd = calibration, odd
@@ -84,6 +85,7 @@ class CalibrationReport:
         beyond = odd.texts if calibration.robust.loss == "squares" else ()  # a robust loss does without them
         reasons = (*(each.text for each in more), *beyond)
         self.incomplete = reasons if fit.status == "converged" and not self.implausible else ()
+        self.word = "accepted" if accepted and self.implausible else self.status
         self.rows = parameter_rows(self.model, fit, intervals, self.budget, self.ranges.far, calibration.frames)
         self.failed = FailedRows(fit.failed, row_origin, len(problem))
         self.slipped = lost_rows(problem, fit.after)  # predicted only with errors of the drives: no error is told
@@ -271,7 +273,7 @@ class CalibrationReport:
 
     def verdict(self) -> str:
         """How the fit ended, in words; then the reasons, one in a line."""
-        lines = [ending_text(self.status, self.fit.stopped, self.fit.iterations)]
+        lines = [ending_text(self.word, self.fit.stopped, self.fit.iterations)]
         if self.fit.abandoned:
             return lines[0]
         several = len(self.budget.instruments) > 1

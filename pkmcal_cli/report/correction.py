@@ -25,8 +25,7 @@ from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.correction_figures import exact, largest, rms, shown
 from pkmcal_cli.report.failed_rows import FailedRows, SkippedPoints
 from pkmcal_cli.report.loads import Loads
-from pkmcal_cli.report.number_format import handy
-from pkmcal_cli.units.unit_text import parse_unit
+from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _SHOWN = 20  # targets without set values that are told one by one
 _COMMON = 0.5  # of the uncertainty of positions: that to each other is told below
@@ -35,9 +34,13 @@ _KINDS = (("position", "um"), ("orientation", "urad"))
 
 @dataclass(frozen=True, kw_only=True)
 class CorrectionReport:
-    """One correction, ready to be shown; result: None where no target is within reach."""
+    """One correction, ready to be shown; result: None where no target is within reach.
+
+    file_unit: of lengths in the machine file.
+    """
 
     model: Model
+    file_unit: Unit
     start: Start
     targets: Targets
     result: Assessment | None
@@ -128,6 +131,9 @@ class CorrectionReport:
     def _bearing(self, result: Assessment) -> Bearing:
         return Bearing(model=self.model, result=result, redundant=self._redundant)
 
+    def _text(self, size: float, unit: str) -> str:
+        return shown(size, parse_unit(unit), file_unit=self.file_unit)
+
     # --- tables --------------------------------------------------------------------------------
     def _show_errors(self, to: Reporter, result: Assessment) -> None:
         rows = []
@@ -142,16 +148,17 @@ class CorrectionReport:
                     rms(spreads[1]),
                     largest(spreads[1]),
                 ]
-                rows.append((kind, *(shown(f, parse_unit(unit)) for f in figures)))
+                rows.append((kind, *(self._text(f, unit) for f in figures)))
         head = ("error", "rms before", "max before", "rms after", "u (rms)", "u (max)")
         to.table("Predicted error of the tool point; u: standard uncertainty after", head, rows)
         apart, whole = rms(self._apart(result.after)), rms(self._spread(result.after, "position"))
         if apart < _COMMON * whole:
-            each = shown(apart, parse_unit("um")), shown(largest(self._apart(result.after)), parse_unit("um"))
+            each = self._text(apart, "um"), self._text(largest(self._apart(result.after)), "um")
             text = "the rest is a shift and a turn that all have in common, as of a base that the data hardly place"
             to.say(f"u of positions to each other: {each[0]} rms, {each[1]} at most; {text}")
         if result.free:
-            off = (f"{f.name} by {_size(f, f.rms)} rms, {_size(f, f.largest)} at most" for f in result.free)
+            free = ((f, _unit_of_coordinate(f)) for f in result.free)
+            off = (f"{f.name} by {self._text(f.rms, u)} rms, {self._text(f.largest, u)} at most" for f, u in free)
             to.warn(f"warning: not held by the set values, and off where they are corrected: {'; '.join(off)}")
         if result.after is None:
             to.say("uncertainty: not available (no parameters with `correlations`, as `calibrate -o` writes them)")
@@ -170,7 +177,7 @@ class CorrectionReport:
             to.warn(f"warning: side of approach not settled: {len(turned)} of {total}: {text}")
         evidence = self.start.evidence
         if evidence is not None and evidence.missing:
-            left = ", ".join(shown(v, parse_unit(_unit_of(kind))) for kind, v in evidence.unexplained.items())
+            left = ", ".join(self._text(v, _unit_of(kind)) for kind, v in evidence.unexplained.items())
             message = f"warning: something is missing: the calibration left {evidence.times_noise:.3g} times the noise"
             within = f"the uncertainties contain {left} for it" if left else "the uncertainties do not contain it"
             to.warn(f"{message}; {within} (`pkmcal diagnose` looks for the cause)")
@@ -242,10 +249,6 @@ class CorrectionReport:
 
 def _unit_of_coordinate(f: FreeCoordinate) -> str:
     return "urad" if f.name.startswith("r") else "um"
-
-
-def _size(f: FreeCoordinate, size: float) -> str:
-    return handy(size, parse_unit(_unit_of_coordinate(f)))
 
 
 def _unexplained_json(left: dict[str, float] | Any) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.report.number_format import finite, handy
+from pkmcal_cli.report.number_format import finite, handy, small_unit
 from pkmcal_cli.units.unit_text import Unit
 
 NOTHING = "-"
@@ -18,11 +18,17 @@ def exact(value: float, least: float = _NO_ERROR) -> float | None:
     return finite(value if abs(value) > least or np.isnan(value) else 0.0)
 
 
-def shown(value: float, unit: Unit, least: float = _ROUNDING) -> str:
-    """A number, SI, with its unit; 0 up to `least` of the unit, a dash where there is none."""
+def shown(value: float, unit: Unit, least: float = _ROUNDING, file_unit: Unit | None = None) -> str:
+    """A number, SI, with its unit; 0 up to `least` of the unit, a dash where there is none.
+
+    file_unit: of lengths in the machine file; errors of positions are told in what is usual beside it.
+    """
     if np.isnan(value):
         return NOTHING
-    return handy(value if abs(value) > least * unit.scale else 0.0, unit)
+    size = value if abs(value) > least * unit.scale else 0.0
+    if file_unit is not None and file_unit.dimension == unit.dimension:
+        unit = small_unit(file_unit)
+    return handy(size, unit)
 
 
 def rms(values: Array) -> float:

@@ -72,7 +72,7 @@ class ExportReport:
             few = count(len(self.case.usable), "target")
             return f"{kind} between the targets: unknown with {few}; give {_FEWEST} or more"
         unit = dict(self.kinds)[kind]
-        root, most = (_text(f(self._apart_sizes(kind)), unit) for f in (rms, largest))
+        root, most = (self._text(f(self._apart_sizes(kind)), unit) for f in (rms, largest))
         return f"{kind} at targets that it was not fitted to ({_FOLDS} parts in turn): {root} rms, {most} at most"
 
     def _apart_sizes(self, kind: str) -> Array:
@@ -129,17 +129,20 @@ class ExportReport:
         """Kinds of errors that there are."""
         return [(kind, parse_unit(unit)) for kind, unit in _KINDS if self._columns(kind)]
 
+    def _text(self, size: float, unit: Unit) -> str:
+        return shown(size, unit, _ROUNDING, self.case.loaded.machine.file_units.length)
+
     def remarks(self) -> list[str]:
         """What stands in every written file, beside its numbers."""
         out = [f"pkmcal correct --as {self.format.keyword}: {self.format.title}"]
         for kind, unit in self.kinds:
-            roots = [_text(rms(self._sizes(w, kind)), unit) for w in (BEFORE, EXPORT, CORRECTED)]
-            most = [_text(largest(self._sizes(w, kind)), unit) for w in (BEFORE, EXPORT, CORRECTED)]
+            roots = [self._text(rms(self._sizes(w, kind)), unit) for w in (BEFORE, EXPORT, CORRECTED)]
+            most = [self._text(largest(self._sizes(w, kind)), unit) for w in (BEFORE, EXPORT, CORRECTED)]
             where, u = count(len(self.case.usable), "target"), self._uncertainty(kind)
             out.append(
                 f"error of the tool point that remains, {kind}, rms (max) of {where}: {roots[0]} ({most[0]}) before, "
                 f"{roots[1]} ({most[1]}) with this, {roots[2]} ({most[2]}) with corrected set values; "
-                f"standard uncertainty {'unknown' if np.isnan(u) else _text(u, unit)}"
+                f"standard uncertainty {'unknown' if np.isnan(u) else self._text(u, unit)}"
             )
             out += [text] if (text := self._apart_text(kind)) else []
         out += [*(f"note: {note}" for note in self.draft.notes), *self._strain_texts()]
@@ -148,7 +151,7 @@ class ExportReport:
     def show(self, to: Reporter, files: Sequence[str]) -> None:
         """The verdict, errors that remain, what was written."""
         for kind, unit in self.kinds:
-            roots = {w: _text(rms(self._sizes(w, kind)), unit) for w in (BEFORE, EXPORT, CORRECTED)}
+            roots = {w: self._text(rms(self._sizes(w, kind)), unit) for w in (BEFORE, EXPORT, CORRECTED)}
             with_it = f"{roots[BEFORE]} -> {roots[EXPORT]} with `{self.format.keyword}`"
             to.say(f"{kind}, rms: {with_it}, {roots[CORRECTED]} with corrected set values")
             if text := self._apart_text(kind):
@@ -160,8 +163,8 @@ class ExportReport:
         for kind, unit in self.kinds:
             for variant, name in names.items():
                 sizes = self._sizes(variant, kind)
-                u = NOTHING if variant == BEFORE else _text(self._uncertainty(kind), unit)
-                rows.append((kind, name, _text(rms(sizes), unit), _text(largest(sizes), unit), u))
+                u = NOTHING if variant == BEFORE else self._text(self._uncertainty(kind), unit)
+                rows.append((kind, name, self._text(rms(sizes), unit), self._text(largest(sizes), unit), u))
         title = f"Error of the tool point that remains at {count(len(self.case.usable), 'target')}"
         to.table(title, ("error", "with", "rms", "max", "u (rms)"), rows, left=2)
         if self.case.redundant:
@@ -204,7 +207,3 @@ class ExportReport:
             "notes": list(self.draft.notes),
             "entries": [dict(entry) for entry in self.draft.entries],
         }
-
-
-def _text(value: float, unit: Unit) -> str:
-    return shown(value, unit, _ROUNDING)

@@ -13,7 +13,7 @@ from pkmcal_cli.calibration.intervals import linear_intervals
 from pkmcal_cli.diagnosis.closed_loop import Improvement
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
 from pkmcal_cli.diagnosis.known_shapes import FitOfKnownShapes, fit_of_known_shapes
-from pkmcal_cli.effects import effect_named
+from pkmcal_cli.effects import effect_at
 from pkmcal_cli.effects.unexplained import UNEXPLAINED
 from pkmcal_cli.language.fingerprint import Fingerprint
 from pkmcal_cli.language.machine import Machine
@@ -157,5 +157,5 @@ class ImprovedFiles:
 
 def _title(hypothesis: Hypothesis) -> str:
     """What an effect is called."""
-    effect = effect_named(hypothesis.effect)
+    effect = effect_at(hypothesis.effect, hypothesis.at)
     return hypothesis.effect if effect is None else effect.title

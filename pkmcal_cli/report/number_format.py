@@ -61,10 +61,15 @@ def readable(value: float, unit: Unit, like: float | None = None) -> str:
     """
     if math.isnan(value):
         return "-"
-    small = {"length": ("um", 1e-4), "angle": ("urad", 1e-3)}.get(unit.dimension.name)
-    if small is not None and unit.text != "in" and 0 < abs(value if like is None else like) < small[1]:
-        unit = parse_unit(small[0])
+    small = {"length": 1e-4, "angle": 1e-3}.get(unit.dimension.name)
+    if small is not None and 0 < abs(value if like is None else like) < small:
+        unit = small_unit(unit)
     return f"{to_digits(unit.from_si(value), 4)}{'' if unit.text == '1' else f' {unit.text}'}"
+
+
+def small_unit(unit: Unit) -> Unit:
+    """The unit of small lengths or angles in a file with this one: um, the inch itself, urad."""
+    return unit if unit.text == "in" else parse_unit({"length": "um", "angle": "urad"}[unit.dimension.name])
 
 
 def plain_number(value: float) -> str:

@@ -111,7 +111,7 @@ def unknown_sentence(size: str, depends_on: str, hint: str, warm: bool, step: bo
 
 
 def ending_text(status: str, stopped: str, steps: int) -> str:
-    """How a fit ended, and why."""
+    """How a fit ended, and why; status "accepted": implausible, but that was accepted."""
     if stopped == ABANDONED:
         return "NOT FITTED: readings look wrong, and no fit soon explains them; start values are kept\n" + (
             "(correct the table as the warning says, or fit it as it is with `--accept`)"
@@ -121,6 +121,7 @@ def ending_text(status: str, stopped: str, steps: int) -> str:
         "converged": f"converged in {in_steps}",
         "incomplete": f"INCOMPLETE, though converged in {in_steps}: residuals exceed the noise (next: `diagnose`)",
         "implausible": f"IMPLAUSIBLE, though converged in {in_steps}: do not use these parameters",
+        "accepted": f"IMPLAUSIBLE, but accepted (`--accept`), and converged in {in_steps}",
         "not_converged": f"NOT CONVERGED in {in_steps}: do not use these parameters",
         "nothing_identifiable": "NOTHING IDENTIFIABLE: these data determine none of the selected parameters",
     }[status]

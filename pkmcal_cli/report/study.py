@@ -11,7 +11,7 @@ from pkmcal_cli.base.plural import listed
 from pkmcal_cli.calibration.study import Study
 from pkmcal_cli.calibration.study_figures import CaseFigures, Difference, Mean
 from pkmcal_cli.report.console import Reporter
-from pkmcal_cli.report.number_format import finite, uncertain
+from pkmcal_cli.report.number_format import finite, small_unit, uncertain
 from pkmcal_cli.report.parameters import parameter_unit
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
@@ -44,13 +44,14 @@ class StudyReport:
             for name in machine.selected:
                 file_unit = parameter_unit(machine.model, name)
                 kind = file_unit.dimension.name
-                out.setdefault(kind, parse_unit(_SMALL[kind]) if kind in _SMALL else file_unit.difference)
+                out.setdefault(kind, small_unit(file_unit) if kind in _SMALL else file_unit.difference)
         return out
 
     @property
     def tool_unit(self) -> Unit:
         """Of the tool point's errors."""
-        return parse_unit(_SMALL["angle" if self.study.turns else "length"])
+        kind = "angle" if self.study.turns else "length"
+        return self.units.get(kind, parse_unit(_SMALL[kind]))
 
     def show(self, to: Reporter) -> None:
         """What is reached first, then the tables."""

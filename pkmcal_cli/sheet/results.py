@@ -19,6 +19,7 @@ from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.report.calibration import CalibrationReport
 from pkmcal_cli.report.diagnosis import DiagnosisReport
 from pkmcal_cli.report.improvement import ImprovementReport
+from pkmcal_cli.report.number_format import small_unit
 from pkmcal_cli.report.verification import VerificationReport
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.units.measurands import Measurand
@@ -131,7 +132,8 @@ class Results:
             return self.tolerance[1]
         points = self.before[0]
         large = points.worst is not None and points.errors[points.worst] >= 1e-3
-        return UNITS["mm"] if large else UNITS["um"]
+        small = small_unit(self.machine.file_units.length)
+        return UNITS["mm"] if large and small.text == "um" else small
 
     def length_text(self, value: float) -> str:
         """A length, m, in this unit."""

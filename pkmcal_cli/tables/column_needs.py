@@ -24,6 +24,7 @@ Require = Literal["actuators", "poses", "targets", "measured"]
 """What rows must have: actuator readings; these or TCP coordinates; those alone; readings and anywhere a channel."""
 
 
+_EVERY_COORDINATE = "give all TCP coordinates of the table in every row"
 _SEVERAL = 2  # drives without a column, from which on the table may be that of another machine
 
 
@@ -67,15 +68,17 @@ class Needs:
         placing = [name for name, actuator in self.machine.actuators.items() if actuator.holds]
         filled = [name for name in placing if (b := self.columns_bound.get((name, "actuator"))) and self._filled(b)]
         targets = [b for b in self.targets() if self._filled(b)]
+        if not targets and require in ("poses", "targets") and not self._any_cell():
+            targets = self.targets()  # a table without rows is told as that
         by_actuators = bool(filled) or require != "poses" or not targets or not placing
         required = self._forces()
         if require == "targets":
             by_actuators = False
             if not targets:
                 self._no_targets()
-            required |= {b.index: "give all TCP coordinates of the table in every row" for b in targets}
+            required |= {b.index: _EVERY_COORDINATE for b in targets}
         elif not by_actuators:
-            required |= {b.index: "give all TCP coordinates of the table in every row" for b in targets}
+            required |= {b.index: _EVERY_COORDINATE for b in targets}
         elif require == "poses" and placing and not any((n, "actuator") in self.columns_bound for n in placing):
             self._no_pose(placing)
         else:
@@ -120,6 +123,10 @@ class Needs:
     def _filled(self, bound: Bound) -> bool:
         """Whether a column has anything in it, so far as the beginning of the file shows."""
         return bool(self.reader.first_cell(bound.index))
+
+    def _any_cell(self) -> bool:
+        """Whether anything stands below the header, so far as the beginning of the file shows."""
+        return any(self.reader.first_cell(index) for index in range(len(self.reader.header)))
 
     def _actuators(self, names: Sequence[str]) -> dict[int, str]:
         required = {}
@@ -176,11 +183,23 @@ class Needs:
                 self.log.add(flaw, self.reader.header_source())
 
     def _no_targets(self) -> None:
+        if self._empty_coordinates("targets"):
+            return
         coordinates = ", ".join(f"`{name}`" for name in coordinates_of(self.machine))
         message = f"the table has no targets: none of the TCP coordinates {coordinates}"
         self._missing(message, *(c for c in self.columns.values() if c.role in ("target", "channel")))
 
+    def _empty_coordinates(self, noun: str) -> bool:
+        """Whether the table has columns of TCP coordinates, which are then told to be empty."""
+        empty = [f"`{b.column.header}`" for b in self.targets()]
+        if empty:
+            message = f"the table has no {noun}: nothing stands in {listed(empty)}"
+            self.log.add(Flaw("csv-missing", message, _EVERY_COORDINATE, self.reader.format.header_line))
+        return bool(empty)
+
     def _no_pose(self, placing: Sequence[str]) -> None:
+        if self._empty_coordinates("poses"):
+            return
         drives = [self.columns[name, "actuator"] for name in placing]
         names = ", ".join(f"`{column.header}`" for column in drives)
         coordinates = ", ".join(f"`{name}`" for name in coordinates_of(self.machine))

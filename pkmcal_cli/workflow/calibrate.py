@@ -39,8 +39,6 @@ def run_calibration(request: CalibrationRequest) -> int:
     check_target(request.output, s.inputs, force=request.force)
     calibrated = calibration(s, to)
     calibrated.report.show(to)
-    if calibrated.report.implausible and request.accept:
-        to.say("accepted (`--accept`)")
     return _written(calibrated, limits, to)
 
 
@@ -81,7 +79,7 @@ def _verdict(
     s: CalibrationSetting, report: CalibrationReport, judged: Sequence[Judged], to: Reporter
 ) -> tuple[str, int]:
     """In a word, and the exit code; 1: not converged, a named parameter undetermined, a limit missed; all is told."""
-    failed = not report.usable and not (report.implausible and s.request.accept)
+    failed = not report.usable and report.word != "accepted"
     if failed and s.request.quiet:
         to.fail(report.verdict())
     selected_by_name = named(report.model, s.request.select) & set(s.determined)
@@ -91,7 +89,7 @@ def _verdict(
     missed = missed_limits(judged, s.loaded, s.measured.files[0])
     for fault in missed:
         to.fail(fault)
-    word = "undetermined" if lost else "limit_missed" if missed else report.status
+    word = "undetermined" if lost else "limit_missed" if missed else report.word
     return report.status if failed else word, int(failed or bool(lost) or bool(missed))
 
 

@@ -218,9 +218,8 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
             held = validated(s.loaded, s.problem, fit, s.apart)
     doubts = noise_doubts(s.problem, fit, s.measured, to)
     mistakes = (*hints, *doubts.commanded, *s.start.doubts(s.determined))
-    odd = replace(odd, overstated=doubts.overstated)
-    report = CalibrationReport(s.loaded.machine, s.problem, robust_fit, held, row_origin, odd, mistakes=mistakes)
-    return Calibrated(s, report)
+    made = s.loaded.machine, s.problem, robust_fit, held, row_origin, replace(odd, overstated=doubts.overstated)
+    return Calibrated(s, CalibrationReport(*made, mistakes=mistakes, accepted=s.request.accept))
 
 
 def _say_of_files(s: CalibrationSetting, to: Listener) -> None:

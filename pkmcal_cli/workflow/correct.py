@@ -176,9 +176,11 @@ def correction(request: CorrectionRequest, to: Listener, machine: LoadedMachine 
         lost = result is None or not len(result.correction.good)
         for text in in_another_unit(loaded.machine, model, start.values, targets, choice if lost else None):
             to.warn(text)
-    return Corrected(
-        loaded, CorrectionReport(model=model, start=start, targets=targets, result=result, choice=choice)
-    )
+    unit = loaded.machine.file_units.length
+    report = CorrectionReport(
+        model=model, file_unit=unit, start=start, targets=targets, result=result, choice=choice
+    )  # fmt: skip
+    return Corrected(loaded, report)
 
 
 def _check_session(name: str, model: Model, start: Start, path: str | None) -> None:

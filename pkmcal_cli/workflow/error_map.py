@@ -25,8 +25,9 @@ from pkmcal_cli.model.tool_channels import tcp_model
 from pkmcal_cli.prediction import Request, Rows, WarmStart, predict
 from pkmcal_cli.prediction.unknown_shapes import between_knots
 from pkmcal_cli.prediction.unknown_sides import side_sigma
-from pkmcal_cli.report.number_format import finite, three_digits
+from pkmcal_cli.report.number_format import finite, small_unit, three_digits
 from pkmcal_cli.units.measurands import Measurand
+from pkmcal_cli.units.unit_text import Unit
 
 
 @dataclass(kw_only=True)
@@ -34,11 +35,12 @@ class ErrorMap:
     """Standard uncertainties of TCP coordinates, block by block; `covariance` (p, p) of `names`, SI.
 
     unexplained: what the calibration left beyond noise, of a coordinate, m, and of an orientation, rad; machine: the
-    model with its own channels.
+    model with its own channels; file_unit: of lengths in the machine file.
     """
 
     machine: Model
     model: Model
+    file_unit: Unit
     values: Array
     names: tuple[str, ...]
     covariance: Array
@@ -48,8 +50,11 @@ class ErrorMap:
     worst: tuple[float, str] = (0.0, "")
 
     @classmethod
-    def of(cls, model: Model, start: Start, path: str | None, method: str) -> ErrorMap:
-        """From a parameter file. Raises UsageError and BadInput where there is nothing to carry."""
+    def of(cls, model: Model, start: Start, path: str | None, method: str, file_unit: Unit) -> ErrorMap:
+        """From a parameter file; file_unit: of lengths in the machine file.
+
+        Raises UsageError and BadInput where there is nothing to carry.
+        """
         if path is None:
             raise UsageError(
                 "--uncertainty needs a calibration", hint="add `-p PARAMS.yaml`, written by `calibrate -o`"
@@ -66,6 +71,7 @@ class ErrorMap:
         return cls(
             machine=model,
             model=tcp_model(model),
+            file_unit=file_unit,
             values=start.values,
             names=names,
             covariance=matrix,
@@ -130,13 +136,18 @@ class ErrorMap:
             self.worst = float(size.max()), str(places[int(size.argmax())])
 
     @property
+    def _rms(self) -> float:
+        return float(np.sqrt(self.squares / self.rows)) if self.rows else float("nan")
+
+    @property
     def text(self) -> str:
         """The map in one sentence."""
         if not self.rows:
             return "uncertainty of the TCP position: not available (no position)"
-        rms = np.sqrt(self.squares / self.rows) / 1e-6
-        largest, where = self.worst[0] / 1e-6, self.worst[1]
-        size = f"{three_digits(rms)} um rms, largest {three_digits(largest)} um"
+        unit = small_unit(self.file_unit)
+        rms, largest = (f"{three_digits(u / unit.scale)} {unit.text}" for u in (self._rms, self.worst[0]))
+        where = self.worst[1]
+        size = f"{rms} rms, largest {largest}"
         axes = dict.fromkeys(self.machine.channels[j].instrument for j in self.read.values())
         seen = f", in the axes of {' and '.join(axes)}" if axes else ""
         return (
@@ -146,6 +157,5 @@ class ErrorMap:
 
     def json(self) -> dict[str, Any]:
         """The same for JSON."""
-        rms = float(np.sqrt(self.squares / self.rows)) if self.rows else float("nan")
         largest, where = self.worst
-        return {"rms": finite(rms / 1e-6), "max": finite(largest / 1e-6), "at": where or None, "unit": "um"}
+        return {"rms": finite(self._rms / 1e-6), "max": finite(largest / 1e-6), "at": where or None, "unit": "um"}

@@ -126,7 +126,7 @@ def _substructure_notes(model: Model, method: str) -> list[str]:
 def _error_map(request: SimulationRequest, loaded: LoadedMachine, model: Model, start: Start) -> ErrorMap:
     """The error map of the tool point. Raises UsageError and BadInput where there is none."""
     required_tool_point(loaded)
-    return ErrorMap.of(model, start, request.parameters, request.method)
+    return ErrorMap.of(model, start, request.parameters, request.method, loaded.machine.file_units.length)
 
 
 class Sink(Protocol):

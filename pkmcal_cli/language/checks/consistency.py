@@ -225,6 +225,10 @@ class ConsistencyCheck:
             self._check_winding((*path, "winds"), actuator.winds)
         if actuator.control == "passive" and actuator.force is not None:
             self._fault("a passive actuator has no force", (*path, "force"), "delete it", at_key=True)
+        if "sigma_is" in actuator.model_fields_set and actuator.sigma is None:
+            idle = f"`sigma_is` says nothing where the actuator has no `sigma` and the table no `sigma.{name}`"
+            hint = "add the uncertainty of the reading, for example `sigma: 10 um`, or delete `sigma_is`"
+            self._fault(idle, (*path, "sigma_is"), hint, code="missing-key", at_key=True, warning=True)
         self._check_scale(path, actuator)
         self._check_target(path, key, actuator)
 

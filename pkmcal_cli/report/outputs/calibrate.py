@@ -7,9 +7,9 @@ from pkmcal_cli.report.outputs.keys import Output
 CALIBRATE = Output(
     "calibrate",
     """
-verdict converged|incomplete|not_converged|nothing_identifiable|implausible|undetermined|limit_missed: `status`; where
-    that is `converged` or `incomplete` and the exit code 1 all the same: `undetermined` for a parameter named in
-    `--select`, or `limit_missed`
+verdict converged|incomplete|not_converged|nothing_identifiable|implausible|accepted|undetermined|limit_missed:
+    `status`; `accepted` where that is `implausible` and `--accept` is given (exit 0); where the exit code is 1 all the
+    same: `undetermined` for a parameter named in `--select`, or `limit_missed`
 status converged|incomplete|not_converged|nothing_identifiable|implausible: `converged`; `incomplete`: converged, but
     the residuals are larger than the stated noise can be, so an effect is missing or a sigma too small (exit 0;
     `diagnose` tells which); `not_converged`, `nothing_identifiable`, or `implausible`: converged, but not to be
