@@ -99,7 +99,8 @@ def test_identified_values_are_the_same(folder: Path) -> None:
 def lengths(text: str) -> list[tuple[float, str]]:
     """All lengths of a text, mm, each with its unit."""
     scale = {"um": 1e-3, "mm": 1.0, "in": INCH}
-    return [(float(number) * scale[unit], unit) for number, unit in re.findall(r"([0-9.]+)(?:\([0-9]+\))? (um|mm|in)\b", text)]
+    found = re.findall(r"([0-9.]+)(?:\([0-9]+\))? (um|mm|in)\b", text)
+    return [(float(number) * scale[unit], unit) for number, unit in found]
 
 
 def test_errors_of_positions_are_told_in_inches(folder: Path) -> None:

@@ -44,10 +44,15 @@ class FaultLog:
         self.total = 0
         self.conclusion: Fault | None = None
 
-    def add(self, flaw: Flaw, source: str | None = None) -> None:
-        """Take a flaw; `source` is the text of its line."""
+    @property
+    def is_full(self) -> bool:
+        """Whether further faults are only counted: nobody has to word them."""
+        return len(self.faults) >= MAX_FAULTS
+
+    def add(self, flaw: Flaw | None, source: str | None = None) -> None:
+        """Take a flaw; `source` is the text of its line. None is one that is only counted."""
         self.total += 1
-        if len(self.faults) >= MAX_FAULTS:
+        if self.is_full or flaw is None:
             return
         column = 0
         if source is not None and flaw.line is not None:
@@ -204,6 +209,9 @@ class Parser:
                 try:
                     out[row] = convert(cell)
                 except (ValueError, OverflowError):
+                    if sources.log.is_full:  # a remedy takes a fraction of a millisecond, and there may be a million
+                        sources.log.add(None)
+                        continue
                     line_column = int(sources.numbers[row]), index
                     flaw = time_flaw(cell, zone, self.names[index], line_column) if is_time else None
                     sources.add(flaw or number_flaw(cell, self.format, self.names[index], line_column))

@@ -10,6 +10,7 @@ from __future__ import annotations
 import codecs
 import hashlib
 import io
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -40,6 +41,8 @@ TEXT_COLUMNS = ("id", "session", "tool", "part", "to")
 HEAD = 1 << 16
 """So many bytes or characters tell how the file is written."""
 
+_YAML = re.compile(r"(extends|units|space|gravity|ranges|parameters|provenance|fingerprint)\s*:")  # of our own files
+_YAML_HINT = "name the machine file first, then tables; a parameter file is given by `-p`"
 _BLOCK = 1 << 21  # characters read at once
 _LARGE = 1 << 22  # bytes; from here on the import of pandas pays
 
@@ -127,6 +130,9 @@ class TableReader:
         """The format by the head of the file; if that has no decimal mark, by the first cell that has."""
         blocks = self._blocks(HEAD)
         self._head = next(blocks, "").split("\n")[:-1]
+        begin = next((k for k, line in enumerate(self._head) if line.strip() and line[:1] != "#"), None)
+        if begin is not None and _YAML.match(self._head[begin]):
+            return Flaw("csv-header", "this is a machine or parameter file, no table", _YAML_HINT, begin + 1)
         first = find_format(self._head)
         if isinstance(first, Flaw) or first.decimal_seen:
             return first

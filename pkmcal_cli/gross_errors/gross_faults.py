@@ -20,7 +20,7 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.gross_errors.change_row import change_row
 from pkmcal_cli.gross_errors.column_faults import explain_columns
 from pkmcal_cli.gross_errors.drive_columns import explain_by_prediction
-from pkmcal_cli.gross_errors.drive_zeros import explain_zeros
+from pkmcal_cli.gross_errors.drive_zeros import explain_steps, explain_zeros
 from pkmcal_cli.gross_errors.force_columns import explain_forces
 from pkmcal_cli.gross_errors.late_drives import explain_late_drives
 from pkmcal_cli.gross_errors.mirror import brought_back, explain_frame
@@ -125,6 +125,8 @@ def _suspected(table: _Table) -> tuple[Hint, ...]:
         return forces  # no row says anything else
     looked_at = sample.gross and not sample.few_rows_off
     chosen = _chosen([r for r in _reasons(table) if r.hints]) if looked_at else ()
+    if not chosen and (sample.mostly_lost or not sample.informative.all()):  # unknown zeros explain all but the steps
+        chosen = _steps(table)
     if not sample.few_rows_off:
         chosen = _unless_reflectors(chosen, explain_reflectors(sample))
     if forces:  # these have seen all columns of forces together
@@ -210,15 +212,32 @@ def _named(sample: Sample) -> tuple[list[str], list[str]]:
     return [c.name for c in channels], [c.unit for c in channels]
 
 
-def _drives(table: _Table) -> list[Reason]:
-    """What explains the drives, by the positions that they have at the measured poses."""
+def _at_poses(table: _Table) -> tuple[IntArray, Array]:
+    """Some rows (n,) of the table whose poses were measured, and what the drives should read there (n, A)."""
     sample, values = table.sample, table.values
     few = np.linspace(0, len(sample.rows) - 1, min(_POSES, len(sample.rows))).round().astype(int)
-    measured, model = measured_poses(sample.part.take(few), values), sample.part.model
+    measured = measured_poses(sample.part.take(few), values)
     if len(measured.rows) < _FEWEST:
+        return np.zeros(0, dtype=np.intp), np.zeros((0, len(sample.part.model.actuators)))
+    return sample.rows[few[measured.rows]], measured.drive_readings(values)
+
+
+def _steps(table: _Table) -> tuple[Hint, ...]:
+    """Drives whose steps have another sign or size."""
+    rows, expected = _at_poses(table)
+    actuators = table.problem.model.actuators
+    units = [a.unit for a in actuators]
+    return explain_steps(table.problem.rows.readings[rows], expected, [a.name for a in actuators], units)
+
+
+def _drives(table: _Table) -> list[Reason]:
+    """What explains the drives, by the positions that they have at the measured poses."""
+    sample, model = table.sample, table.problem.model
+    rows, expected = _at_poses(table)
+    if not len(rows):
         return [Reason((), np.inf, np.inf)]
-    rows, every = sample.rows[few[measured.rows]], sample.whole.rows.readings
-    expected, readings = measured.drive_readings(values), every[rows]
+    every = sample.whole.rows.readings
+    readings = every[rows]
     names, units = model.drive_names, [a.unit for a in model.actuators]
     late = explain_late_drives(
         every, expected, rows, table.sessions, row_origin=table.row_origin, names=names, units=units

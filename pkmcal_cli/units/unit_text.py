@@ -292,7 +292,8 @@ def split_value(text: str) -> tuple[float, str | None] | None:
 def parse_value(text: str, fitting: tuple[Dimension, ...] = ()) -> tuple[float, Unit]:
     """A text "12 um" as number and unit ("1" when there is none); `fitting` as in `parse_unit`. Raises UnitError."""
     if (parts := split_value(text)) is None:
-        raise UnitError(f"`{text}` is not a number with a unit", 'write, for example, "12 um"')
+        hint = " a decimal point, not a comma" if split_value(text.replace(",", ".", 1)) else ', for example, "12 um"'
+        raise UnitError(f"`{text}` is not a number with a unit", f"write{hint}")
     try:
         return parts[0], parse_unit(parts[1], fitting) if parts[1] else UNITS["1"]
     except UnitError as error:

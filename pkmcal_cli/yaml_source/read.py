@@ -80,6 +80,7 @@ def _read_bytes(file: str) -> bytes:
     except OSError as error:
         reason = error.strerror or str(error)
         hint = missing_hint(file) if isinstance(error, FileNotFoundError) else None
+        hint = "give a file in this folder" if isinstance(error, IsADirectoryError) else hint
         raise _refused(file, "file", f"the file cannot be read: {reason}", hint) from None
     except ValueError as error:
         raise _refused(file, "file", f"the file cannot be read: {error}") from None
