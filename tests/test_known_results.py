@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.diagnosis import known_results, scoring
+from pkmcal_cli.calibration.residual import Evaluation
+from pkmcal_cli.diagnosis import known_results, linear, scoring
 from pkmcal_cli.diagnosis.confirm import held_out_gain
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.known_results import KnownResults
@@ -39,9 +41,9 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[Problem]:
     problems: list[Problem] = []
     plain = scoring.linear_problem
 
-    def counting(problem: Problem, *more: object) -> Linear:
+    def counting(problem: Problem, *more: object, compare: bool) -> Linear:
         problems.append(problem)
-        return plain(problem, *more)  # type: ignore[arg-type]
+        return plain(problem, *more, compare=compare)  # type: ignore[arg-type]
 
     monkeypatch.setattr(scoring, "linear_problem", counting)
     return problems
@@ -68,6 +70,21 @@ def test_a_solution_is_linearised_once_for_all_that_is_asked_of_it(search: Searc
     without = score_without(search, search.accepted, search.accepted)
     assert len(counted) == 3, "where an effect is null is another solution"
     same(without, score_without(fresh(search), search.accepted, search.accepted))
+
+
+def test_rows_that_a_fit_has_compared_are_not_beside_it(search: Search, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With other assemblies, which is dear on a strained machine; scores are the same."""
+    asked, plain = list[bool](), linear.evaluate
+
+    def recorded(*asked_of: Any, compare: bool) -> Evaluation:
+        asked.append(compare)
+        return plain(*asked_of, compare=compare)
+
+    monkeypatch.setattr(linear, "evaluate", recorded)
+    scores = score_without(fresh(search), search.accepted, search.accepted)
+    assert asked == [False]
+    monkeypatch.setattr(linear, "evaluate", lambda *asked_of, compare: plain(*asked_of))
+    same(scores, score_without(fresh(search), search.accepted, search.accepted))
 
 
 def test_nothing_is_known_of_other_rows_values_or_effects(search: Search, counted: list[Problem]) -> None:

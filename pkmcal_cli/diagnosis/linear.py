@@ -272,14 +272,20 @@ class Linear:
 
 
 def linear_problem(
-    problem: Problem, values: Array, selected: tuple[str, ...], others: Sequence[str], start: WarmStart | None
+    problem: Problem,
+    values: Array,
+    selected: tuple[str, ...],
+    others: Sequence[str],
+    start: WarmStart | None,
+    compare: bool = True,
 ) -> Linear:
     """The problem linearised at parameter values (P,): `selected` are projected out, `others` are candidates.
 
-    Rows that are not predicted there, without errors of the drives, take no part. Raises RowsFailed where half are not.
+    Rows that are not predicted there, without errors of the drives, take no part. compare: see `evaluate`; needless
+    near a fit whose rows have been compared. Raises RowsFailed where half of the rows are not predicted.
     """
     names = (*selected, *others)
-    evaluation = evaluate(problem, values, names, start)
+    evaluation = evaluate(problem, values, names, start, compare=compare)
     if 2 * len(lost_rows(problem, evaluation)) >= max(int(problem.measured.any(axis=1).sum()), 1):
         raise RowsFailed(evaluation)
     part, evaluation = predicted_part(problem, evaluation)

@@ -224,7 +224,7 @@ def _linear(search: Search, values: Array, projected: tuple[str, ...], hypothese
         values,
         (*projected, *others),
         projected,
-        lambda: linear_problem(problem, values, projected, others, search.fit.after.start),
+        lambda: linear_problem(problem, values, projected, others, search.fit.after.start, compare=False),
     )
 
 
