@@ -10,7 +10,7 @@ import pytest
 from pkmcal_cli.calibration.determinacy import determinacy
 from pkmcal_cli.calibration.eliminated_frames import frame_uncertainties, without_frames
 from pkmcal_cli.calibration.fit import ABANDONED
-from pkmcal_cli.calibration.holdout import enough_values
+from pkmcal_cli.calibration.holdout import cross_validate, enough_values
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.replicates import repeated_poses
 from pkmcal_cli.prediction import Request, Rows, predict
@@ -76,3 +76,13 @@ def test_two_effects_of_one_name_both_act() -> None:
     alone = machine.nominal
     alone[machine.names.index(name)] = 3e-3
     assert predict(both, values, rows).values == pytest.approx(predict(machine, alone, rows).values, abs=1e-15)
+
+
+def test_sessions_that_are_held_out_fit_their_frames_and_few_are_named() -> None:
+    """Errors there are as noise makes them, with what 126 readings of the others leave of the rods."""
+    problem = measured_by(PER_SESSION, NAMES, 7)
+    less, left = without_frames(problem, (*RODS, *of_frames(problem)), plain=True)
+    held = cross_validate(less, identify(less, left), problem.rows.session, "by session")
+    assert "rz[day 3] and 54 more fitted to the held-out rows" in held.scheme
+    square = (held.after["position"].rms / 1e-6) ** 2 / 2  # of both coordinates
+    assert square == pytest.approx(held.noise["position"], rel=3 * np.sqrt(2 / problem.count))

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.plural import listed
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.stages import Observer, Stage, unobserved
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figures, pooled
@@ -27,6 +28,7 @@ Refit = Callable[[Problem, tuple[str, ...], Array, WarmStart | None], Fit]
 
 _SAME = 1e-3  # share of a drive's spread that readings of one pose may differ by
 _WORSE = 2.0  # times chi-square per degree of freedom of all rows, at which some are in another minimum
+_NAMED = 12  # numbers of sessions that are told one by one
 _CELLS = 4  # cells along each axis of the workspace
 VALUES_PER_PARAMETER = 3  # below this the hold-out is left out by default
 
@@ -118,7 +120,7 @@ def cross_validate(
         part = part.without(gone)
         after.append(error_figures(part, predicted_part(part, predicted)[1]))
         before.append(error_figures(part, evaluate(part, fit.before.values, None, _states(fit.before, inside))))
-    words = [scheme] + ([f"{', '.join(fitted_too)} fitted to the held-out rows"] if fitted_too else [])
+    words = [scheme] + ([f"{listed(tuple(fitted_too), _NAMED)} fitted to the held-out rows"] if fitted_too else [])
     words += _lost_words(lost, len(problem))
     noise = held_out_noise(problem, fit, labels)
     return HeldOut(pooled(before), pooled(after), "; ".join(words), len(folds), failed, noise)
