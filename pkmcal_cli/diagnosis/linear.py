@@ -272,17 +272,13 @@ class Linear:
 
 
 def linear_problem(
-    problem: Problem,
-    values: Array,
-    selected: tuple[str, ...],
-    others: Sequence[str],
-    start: WarmStart | None,
+    problem: Problem, values: Array, selected: tuple[str, ...], others: Sequence[str], start: WarmStart | None,
     compare: bool = True,
-) -> Linear:
+) -> Linear:  # fmt: skip
     """The problem linearised at parameter values (P,): `selected` are projected out, `others` are candidates.
 
-    Rows that are not predicted there, without errors of the drives, take no part. compare: see `evaluate`; needless
-    near a fit whose rows have been compared. Raises RowsFailed where half of the rows are not predicted.
+    Rows that are not predicted there, without errors of the drives, take no part. Raises RowsFailed where half are not.
+    compare: see `evaluate`; needless near a fit whose rows have been compared.
     """
     names = (*selected, *others)
     evaluation = evaluate(problem, values, names, start, compare=compare)
@@ -294,11 +290,9 @@ def linear_problem(
     ranges = problem.model.ranges[[places[n] for n in names]]
     (residual, columns), (errors, known), half = near.values, near.besides, 0.5 * ranges
     return Linear(
-        residual=residual,
-        columns=columns * half,
+        residual=residual, columns=columns * half,
         names=names, ranges=ranges, projected=selected,
-        used=part.count,
-        channels=problem.readings.shape[1],
+        used=part.count, channels=problem.readings.shape[1],
         measured=part.measured,
         known=(errors, known * half) if len(errors) else None,
         once=tuple(part.once),

@@ -282,7 +282,7 @@ class CalibrationReport:
             freedom = count(self.fit.dof, "degree")
             lines.append(f"chi-square per degree of freedom: {self.fit.chi2_per_dof:.3f} ({freedom} of freedom)")
         if self.audit.loss == "squares":
-            lines += residuals_text(self.fit, self.budget)
+            lines += residuals_text(self.fit, self.budget, self.problem, self.replicates)
         else:
             lines.append(f"robust fit ({self.audit.loss}): uncertainties from the scatter without outliers")
         if self.audit.loss == "squares" and (noise := noise_text(self.budget)):

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.special import chdtrc
+from scipy.special import chdtrc, chdtri
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.error_budget import ErrorBudget
 from pkmcal_cli.calibration.fit import SIGNIFICANT, Fit
 from pkmcal_cli.calibration.intervals import Intervals
+from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.range_check import RangeCheck
+from pkmcal_cli.calibration.replicates import ReplicateNoise
 from pkmcal_cli.report.number_format import finite
 
 HELD = "held adds"
@@ -65,14 +68,21 @@ def held_that_explain(fit: Fit, budget: ErrorBudget) -> tuple[str, ...]:
     return budget.share.named()
 
 
-def residuals_text(fit: Fit, budget: ErrorBudget) -> list[str]:
-    """Why the residuals of a fit by least squares are larger than noise, in sentences; [] where they are not."""
+def residuals_text(
+    fit: Fit, budget: ErrorBudget, problem: Problem, replicates: Sequence[ReplicateNoise]
+) -> list[str]:
+    """Why the residuals of a fit by least squares are larger than noise, in sentences; [] where they are not.
+
+    replicates: of the problem's channels, where poses were repeated.
+    """
     if fit.excess <= 1.0:
         return []
     lines = [f"The residuals are {np.sqrt(fit.chi2_per_dof):.3g} times larger than the stated noise."]
-    lacking = "The model lacks an effect, or sigma is too small."
+    repeated = repeats_confirm(fit, problem, replicates)
+    causes = ["The model lacks an effect", *([] if repeated else ["or sigma is too small"])]
     if not budget.share.within:
-        lacking = f"{lacking[:-1]}, or parameters that are not identified are further off than their ranges."
+        causes.append("or parameters that are not identified are further off than their ranges")
+    lacking = f"{', '.join(causes)}{': readings of the same poses scatter as stated' if repeated else ''}."
     if not (names := ",".join(held_that_explain(fit, budget))):
         return [*lines, lacking]
     remedy = f"(`--select auto,{names}`)"
@@ -82,6 +92,17 @@ def residuals_text(fit: Fit, budget: ErrorBudget) -> list[str]:
         rest = f"Even so the residuals are {np.sqrt(left / fit.dof):.3g} times larger than the stated noise."
         lines += [rest, lacking]
     return lines
+
+
+def repeats_confirm(fit: Fit, problem: Problem, replicates: Sequence[ReplicateNoise]) -> bool:
+    """Whether repeated poses show that no noise makes residuals as large: of every channel that was measured."""
+    measured = {c.name for k, c in enumerate(problem.model.channels) if problem.measured[:, k].any()}
+    confirmed = set()
+    for each in replicates:
+        most = each.std * np.sqrt(each.degrees_of_freedom / chdtri(each.degrees_of_freedom, 1.0 - SIGNIFICANT))
+        if not each.doubtful and most < np.sqrt(fit.chi2_per_dof) * each.sigma:
+            confirmed.add(each.channel)
+    return measured == confirmed
 
 
 def uncertainty_json(fit: Fit, budget: ErrorBudget, checked: RangeCheck, intervals: Intervals) -> dict[str, Any]:
