@@ -14,7 +14,7 @@ import numpy as np
 from scipy import stats
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration.error_budget import WORTH
+from pkmcal_cli.calibration.instruments import WORTH
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "coverage.md"
 LOG_TAU = np.linspace(-6.0, 8.0, 701)

@@ -242,7 +242,7 @@ def test_macros_of_reprapfirmware_are_read_at_their_places() -> None:
     [
         (PLAIN.replace("delta\n", "corexy\n", 1), ["in.cfg:2:1", "`corexy` cannot be read", "`delta` and `winch`"]),
         (PLAIN.replace("arm_length: 329.3\nposition_endstop: 431.834563\n[stepper_b]", "[stepper_b]"),
-         ["no `arm_length` in section [stepper_a]", "no `position_endstop` in section [stepper_a]", "SAVE_CONFIG"]),
+         ["no `arm_length` in section [stepper_a] (also `position_endstop`)", "SAVE_CONFIG"]),
         (PLAIN.replace("140.50", "abc"), ["in.cfg:3:1", "`delta_radius` is no number: `abc`"]),
         (PLAIN.replace("140.50", "nan"), ["`delta_radius` is no number"]),
         (PLAIN.replace("140.50", "1e9"), ["`delta_radius` cannot be 1e9"]),

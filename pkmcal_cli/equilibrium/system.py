@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +20,10 @@ from numpy.typing import NDArray
 from pkmcal_cli.equilibrium.group_map import GroupMap
 from pkmcal_cli.equilibrium.links import LinkMap, build_links
 from pkmcal_cli.equilibrium.maps import GeometryMaps, Maps, MapsBuilder, StrainMaps
-from pkmcal_cli.equilibrium.strain_fronts import StrainFronts
 from pkmcal_cli.mechanism.topology import DriveKind, Group, Index, RotationKind, Topology
+
+if TYPE_CHECKING:
+    from pkmcal_cli.equilibrium.strain_fronts import StrainFronts
 
 
 class DriveState(Enum):
@@ -80,6 +83,8 @@ class System:
     @cached_property
     def strain_fronts(self) -> StrainFronts | None:
         """The fronts in which strains count; None where the tangent is solved as one matrix."""
+        from pkmcal_cli.equilibrium.strain_fronts import StrainFronts  # few commands predict
+
         fronts = self.maps.fronts
         return None if fronts is None else StrainFronts.of(*np.divmod(self.strain_maps.filled, self.unknowns), fronts)
 

@@ -172,8 +172,8 @@ ENGINE = (
     Mutant("prediction/stages.py", 'asked[k][1] in ("", s)', "True", "tests/test_sessions.py"),
     Mutant(
         "prediction/displacements.py",
-        "if placed.acts_in and not np.any(",
-        "if placed.acts_in and np.any(",
+        "np.zeros(len(rows))) > 0)",
+        "np.zeros(len(rows))) >= 0)",
         "tests/test_sessions.py",
     ),
 )
