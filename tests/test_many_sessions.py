@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pkmcal_cli.calibration import condensed
 from pkmcal_cli.calibration.determinacy import determinacy
 from pkmcal_cli.calibration.eliminated_frames import frame_uncertainties, without_frames
 from pkmcal_cli.calibration.fit import ABANDONED
@@ -86,3 +87,15 @@ def test_sessions_that_are_held_out_fit_their_frames_and_few_are_named() -> None
     assert "rz[day 3] and 54 more fitted to the held-out rows" in held.scheme
     square = (held.after["position"].rms / 1e-6) ** 2 / 2  # of both coordinates
     assert square == pytest.approx(held.noise["position"], rel=3 * np.sqrt(2 / problem.count))
+
+
+def test_a_long_table_of_sessions_is_worked_on_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A chunk of rows would tear sessions apart: frames have to be eliminated by all rows of a session together."""
+    problem = measured_by(PER_SESSION, NAMES, 3)
+    less, left = without_frames(problem, (*RODS, *of_frames(problem)), plain=True)
+    short = identify(less, left)
+    monkeypatch.setattr(condensed, "LONG", 50)
+    assert condensed.is_long(problem)
+    long = identify(less, left)
+    assert long.values == pytest.approx(short.values, abs=1e-14) and long.dof == short.dof
+    assert long.chi2 == pytest.approx(short.chi2, rel=1e-12)

@@ -270,6 +270,9 @@ def test_the_command_tells_frames_as_ever(tmp_path: Path) -> None:
     assert kept["frame@tracker.rz[day 0]"]["identified"] and kept["frame@tracker.rz[day 0]"]["std"] > 0
     again = run("calibrate", machine, table, "-p", found, "--select", CHOSEN, "--json")
     assert again.code == 0 and again.json["chi2"] == pytest.approx(done.json["chi2"], rel=1e-6)
+    lost = [f"frame@tracker.{number}[{NAMES[4]}]" for number in ("tx", "ty", "rz")]
+    named = run("calibrate", machine, table, "--select", ",".join([CHOSEN, *lost]), "--holdout", "none")
+    assert named.code == 1 and f"named in --select but undetermined: {', '.join(lost)}" in named.err
     doubted = tmp_path / "doubted.yaml"
     doubted.write_text(found.read_text(encoding="utf-8").replace("status: converged", "status: not_converged"))
     once_more = run("calibrate", machine, table, "-p", doubted, "--select", CHOSEN, "--json")

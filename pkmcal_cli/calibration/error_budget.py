@@ -155,7 +155,7 @@ def held_parameters(problem: Problem, selected: tuple[str, ...], datum: tuple[st
     Those of effects are what their entries say, but for such with a range of their own; those that are declared as the
     datum define the axes.
     """
-    known = {*selected, *datum, *problem.model.datum, *problem.eliminated}
+    known = {*selected, *datum, *problem.model.datum}
     with_range = (p for p in problem.model.parameters if p.stated and not p.fixed and p.range > 0)
     return tuple(p.name for p in with_range if p.name not in known)
 
