@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,8 +102,9 @@ def displacements(
         reactive = placed.effect.reactive
         if reactive and reactions is None:
             continue
-        acting = _acting(model, instances, rows, numbers, asked)
-        if acting is None or not (acting.moves or acting.asked):
+        if not _matters(model, instances, numbers, asked):
+            continue
+        if (acting := _acting(model, instances, rows, numbers, asked)) is None:
             continue
         for site in placed.sites:
             if known is not None and not reactive:
@@ -129,7 +130,7 @@ class _Acting:
     @property
     def moves(self) -> bool:
         """Whether anything but zeros displaces."""
-        return any(np.any(size) for size in self.sizes)
+        return any(size.any() if isinstance(size, np.ndarray) else size for size in self.sizes)
 
 
 def _instances(effects: Sequence[PlacedEffect]) -> Iterator[Sequence[PlacedEffect]]:
@@ -143,6 +144,15 @@ def _instances(effects: Sequence[PlacedEffect]) -> Iterator[Sequence[PlacedEffec
         yield tuple(placed for _, placed in same)
 
 
+def _matters(
+    model: Model, instances: Sequence[PlacedEffect], numbers: Mapping[str, float], asked: Mapping[str, int]
+) -> bool:
+    """Whether anything of an effect is not zero, or is asked for."""
+    if any(numbers[name] or name in asked for e in instances for name in e.parameters):
+        return True
+    return bool(instances[0].session) and any(model.shared[name][0] in asked for name in instances[0].parameters)
+
+
 def _acting(
     model: Model,
     instances: Sequence[PlacedEffect],
@@ -152,7 +162,7 @@ def _acting(
 ) -> _Acting | None:
     """Instances of one effect in their rows; None where they have none. A shared name asks for that of each row."""
     flags = [_rows_of(e, rows) for e in instances]
-    here = [(e, on) for e, on in zip(instances, flags, strict=True) if np.any(on)]
+    here = [(e, on) for e, on in zip(instances, flags, strict=True) if on is True or on.any()]
     if not here:
         return None
     placed, on = here[0]
@@ -172,7 +182,7 @@ def _acting(
     return _Acting(placed, sizes, _factor(on), columns)
 
 
-def _rows_of(placed: PlacedEffect, rows: Rows) -> NDArray[np.bool_] | bool:
+def _rows_of(placed: PlacedEffect, rows: Rows) -> NDArray[np.bool_] | Literal[True]:
     """Rows (N,) in which an effect acts; True for all."""
     if not placed.acts_in:
         return True
