@@ -97,7 +97,7 @@ def displacements(
     parts: list[Displacement] = []
     asked = {name: k for k, name in enumerate(parameters)}
     computed = iter(() if known is None else known.parts)
-    for instances in _instances(model.effects):
+    for instances in _instances(model.effects) if model.sessions else zip(model.effects):  # each by itself
         placed = instances[0]
         reactive = placed.effect.reactive
         if reactive and reactions is None:
