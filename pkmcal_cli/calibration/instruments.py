@@ -20,9 +20,7 @@ WORTH = {"stated": 10.0, "exact": np.inf, "unknown": 1.0}
 class Instruments:
     """G instruments; whose each whitened residual (n,) is, -1 for what is no reading; how many are of each (G,).
 
-    freedom (G,): what the stated variance of each is worth.
-
-    once (G,): whether on the bench.
+    freedom (G,): what the stated variance of each is worth; once (G,): whether on the bench.
     """
 
     names: tuple[str, ...]
