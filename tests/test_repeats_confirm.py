@@ -32,8 +32,14 @@ def written(path: Path, repeats: int, noise: float, wave: float, poses: int = 20
 
 @pytest.mark.parametrize(
     ("repeats", "noise", "wave", "confirmed"),
-    [(4, 10e-6, 60e-6, True), (4, 40e-6, 0.0, False), (1, 10e-6, 60e-6, False), (4, 12e-6, 4e-6, False)],
-    ids=["an effect", "a wrong sigma", "no repeats", "hardly more than noise"],
+    [
+        (4, 10e-6, 60e-6, True),
+        (4, 40e-6, 0.0, False),
+        (1, 10e-6, 60e-6, False),
+        (4, 12e-6, 4e-6, False),
+        (4, 30e-6, 300e-6, False),
+    ],
+    ids=["an effect", "a wrong sigma", "no repeats", "hardly more than noise", "both"],
 )
 def test_repeats_tell_noise_from_an_effect(
     repeats: int, noise: float, wave: float, confirmed: bool, tmp_path: Path

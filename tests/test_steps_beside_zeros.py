@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.gross_errors.drive_zeros import explain_steps
 from tests.command import clean, run
 
 pytestmark = pytest.mark.usefixtures("unsized")
@@ -70,3 +71,10 @@ def test_the_search_goes_on_with_the_table_put_right(tmp_path: Path) -> None:
     """A column in inches took the search minutes, to no name; all that is left is noise."""
     done = run("diagnose", *table(tmp_path, WRONG["inch"][0]), "--json")
     assert done.json["verdict"] == "measurement_fault" and done.json["effects"] == []
+
+
+@pytest.mark.parametrize(("factor", "hints"), [(1.0, 0), (1.01, 0), (1.1, 0), (2.0, 1), (-1.0, 1)])
+def test_a_scale_that_a_search_may_find_is_left_to_it(factor: float, hints: int) -> None:
+    """Steps 1 or 10 % off beside an unknown zero are an effect with an uncertainty; twice as large ones are a slip."""
+    should = np.random.default_rng(1).uniform(0.0, 0.4, size=(12, 1))
+    assert len(explain_steps(factor * should + 0.7, should, ["q1"], ["mm"])) == hints
