@@ -17,7 +17,7 @@ from tests.command import clean, run
 from tests.effect_cases import IN_CI, NAMES, WRITTEN, Case, case
 from tests.elastic_guide import sliders
 from tests.in_ci import in_ci
-from tests.support import SHIPPED, at, model
+from tests.support import SHIPPED, at, model, overlay
 
 MACHINES = (*dict.fromkeys((*NAMES, *SHIPPED)), *WRITTEN)
 LOAD = {"hangprinter": 0.03}  # N; its ropes pull with 0.1 N and must not go slack
@@ -93,6 +93,16 @@ def test_an_effect_that_would_do_nothing_is_refused(tmp_path: Path, entry: str, 
     file.write_text(sliders(guidance, f"    effects: {{{entry}}}\n"))
     done = run("simulate", file, "--grid", "x=450:550:2,y=340:360:2")
     assert done.code == 3 and REFUSED[entry] in done.err and "help: " in done.err
+
+
+def test_an_effect_with_values_of_its_own_is_written_place_by_place(tmp_path: Path) -> None:
+    """As `diagnose` names it, it is no place; who writes it so is told how a file says it."""
+    file = tmp_path / "m.yaml"
+    for place, among in (("each", ""), ("each:lower", " of lower")):
+        file.write_text(overlay("hangprinter", f"effects: {{'buildup@{place}': {{}}}}\n"))
+        done = run("check", file)
+        assert done.code == 3
+        assert f"help: write it at each place{among} by itself, `buildup@A` and so on, or with one value" in done.err
 
 
 WEIGHTLESS = {"sag@rail.y: {c: 500 um}": "sag@rail.y", "self_weight@all: {w: 0.9}": "self_weight@all",

@@ -18,6 +18,7 @@ from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.shape_entries import shape_of
 from pkmcal_cli.model.effect_sites import (
     ALL,
+    EACH,
     EffectSite,
     EffectSites,
     PlacedEffect,
@@ -141,13 +142,23 @@ def _no_place(machine: Machine, sites: EffectSites, effect: Effect, at: str, kno
     """Why an effect cannot be where the machine file puts it."""
     message = f"`{effect.keyword}` cannot be placed at `{at}`"
     listed = f"use one of {', '.join(list(known)[:12])}" if known else "delete it: this machine has no place for it"
-    hint = did_you_mean(at, known, listed)
+    hint = _one_by_one(effect, at, known) or did_you_mean(at, known, listed)
     if effect.enters == _FRAME and at in machine.sensors:
         kind = kind_of_sensor(machine.sensors[at])
         message += f": {kind.unmoved.get(effect.keyword, 'nothing that it reads depends on it')}"
         others = [e.keyword for e in catalogue().values() if e.enters == _FRAME and at in places(sites, e)]
         hint = f"delete it; effects at `{at}`: {', '.join(others)}" if others else "delete it"
     return machine.source.fault("unknown-name", message, ("effects", f"{effect.keyword}@{at}"), hint, at_key=True)
+
+
+def _one_by_one(effect: Effect, at: str, known: Collection[str]) -> str:
+    """How an effect is written that `diagnose` calls one at each of several places; "" where it is not."""
+    word, _, group = at.partition(":")
+    single = [name for name in known if name != ALL and "[" not in name]
+    if word != EACH or not single:
+        return ""
+    of = f" of {group}" if group else ""
+    return f"write it at each place{of} by itself, `{effect.keyword}@{single[0]}` and so on, or with one value at `{ALL}`"
 
 
 def _idle_numbers(machine: Machine, placed: PlacedEffect, entries: Mapping[str, EffectNumber]) -> Iterator[Fault]:
