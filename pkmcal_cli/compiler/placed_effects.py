@@ -157,8 +157,8 @@ def _one_by_one(effect: Effect, at: str, known: Collection[str]) -> str:
     single = [name for name in known if name != ALL and "[" not in name]
     if word != EACH or not single:
         return ""
-    of = f" of {group}" if group else ""
-    return f"write it at each place{of} by itself, `{effect.keyword}@{single[0]}` and so on, or with one value at `{ALL}`"
+    where = f"at each place of {group}" if group else "at each place"
+    return f"write it {where} by itself, `{effect.keyword}@{single[0]}` and so on, or with one value at `{ALL}`"
 
 
 def _idle_numbers(machine: Machine, placed: PlacedEffect, entries: Mapping[str, EffectNumber]) -> Iterator[Fault]:
