@@ -20,7 +20,7 @@ for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy as np  # noqa: E402
 
-from benchmarks import predictions, program, sessions, steps, sweep  # noqa: E402
+from benchmarks import predictions, processes, program, sessions, steps, sweep  # noqa: E402
 from benchmarks.timing import ONCE, Effort, Line  # noqa: E402
 
 TARGET = Path(__file__).resolve().parents[1] / "docs" / "performance.md"
@@ -43,6 +43,7 @@ def lines(effort: Effort, quick: bool) -> Iterator[Line]:
         yield from program.million_lines(effort)
         yield from program.memory_lines(effort)
         yield from sessions.session_lines(effort)
+        yield from processes.process_lines(effort)
 
 
 def table(head: tuple[str, ...], found: Sequence[Line | sweep.Growth]) -> str:
@@ -57,14 +58,15 @@ def document(found: list[Line], grown: list[sweep.Growth], rounds: int) -> str:
     return f"""# Speed
 
 Written by `python -m benchmarks.run --write`; medians of {rounds} rounds. All cases of a line run in turn in one
-process on one thread ({versions}). Times are processor times, so other programs on a busy
-computer do not affect them much. `a : b` is the time of a divided by that of b; for OpenSees this is the factor by
-which the engine is faster. A step is the assembly of the tangent and the solution at a known pose, with geometric
-stiffness as a calibration takes it, for all rows of a chunk together. `bare` is the faster of LAPACK's `posv` (with
-multipliers `sysv`) row by row and numpy's batched `gesv`, on the same matrices, already assembled. OpenSees rebuilds
-its model for every configuration, from coordinates prepared beforehand, with the fastest of its direct solvers; its
-displacements are compared with the engine's. Iterations per row count those of the rigid pose and of the elastic
-equilibrium together. The first iterate of a fit is 0.1 mm from the solution in every parameter, a later one 1 um.
+process on one thread ({versions}). Times are processor times, so other programs on a busy computer do not affect them
+much; but how much sooner two processes end is by the clock. `a : b` is the time of a divided by that of b; for
+OpenSees this is the factor by which the engine is faster. A step is the assembly of the tangent and the solution at a
+known pose, with geometric stiffness as a calibration takes it, for all rows of a chunk together. `bare` is the faster
+of LAPACK's `posv` (with multipliers `sysv`) row by row and numpy's batched `gesv`, on the same matrices, already
+assembled. OpenSees rebuilds its model for every configuration, from coordinates prepared beforehand, with the fastest
+of its direct solvers; its displacements are compared with the engine's. Iterations per row count those of the rigid
+pose and of the elastic equilibrium together. The first iterate of a fit is 0.1 mm from the solution in every
+parameter, a later one 1 um.
 
 {table(HEAD, found)}
 

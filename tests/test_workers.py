@@ -6,13 +6,17 @@ import os
 import signal
 import subprocess
 import sys
+import time
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from pkmcal_cli.base import processes
 from pkmcal_cli.base.errors import BadInput, PkmcalError, UsageError
+from pkmcal_cli.base.forked import POSSIBLE
 from pkmcal_cli.base.processes import _Batches
 from pkmcal_cli.base.stages import Observer, Stage, unobserved
 from pkmcal_cli.base.workers import ALONE, Workers
@@ -59,6 +63,65 @@ def test_two_processes_find_the_same_bits_though_one_is_killed(tmp_path: Path) -
     assert mark.exists() and found == ALONE.results(Draws(), 20, "task")
     assert [number for number, _ in found] == list(range(20))
     assert {(s.name, s.total) for s in told} == {("task", 20)} and told[0].done == 0
+
+
+def test_where_processes_cannot_be_copied_new_ones_find_the_same_bits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(processes, "POSSIBLE", False)
+    assert TWO.results(Draws(str(tmp_path / "killed")), 20, "task") == ALONE.results(Draws(), 20, "task")
+    assert (tmp_path / "killed").exists()
+
+
+@dataclass(frozen=True)
+class Sleeps:
+    """For longer than anybody waits; task 0 is done at once. `folder`: takes the numbers of the processes."""
+
+    folder: str
+
+    def __call__(self, number: int, observe: Observer = unobserved) -> int:
+        (Path(self.folder) / str(os.getpid())).touch()
+        time.sleep(300.0 if number else 0.0)
+        return number
+
+
+def ended(folder: Path, patience: float = 10.0) -> bool:
+    """Whether all processes that did tasks are no more, after some seconds at most."""
+    until = time.monotonic() + patience
+    while any(alive(int(file.name)) for file in folder.iterdir()):
+        if time.monotonic() > until:
+            return False
+        time.sleep(0.05)
+    return True
+
+
+def alive(process: int) -> bool:
+    """Whether a process runs: neither gone nor waiting to be missed."""
+    with suppress(OSError):
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    return False
+
+
+@pytest.mark.skipif(not POSSIBLE, reason="processes are not copied here")
+def test_who_stops_asking_does_not_wait(tmp_path: Path) -> None:
+    results = TWO.done(Sleeps(str(tmp_path)), range(4), "task")
+    begun = time.monotonic()
+    assert next(results) == {0: 0}  # type: ignore[call-overload]
+    results.close()  # type: ignore[attr-defined]
+    assert time.monotonic() - begun < 20.0 and ended(tmp_path)
+
+
+@pytest.mark.skipif(not POSSIBLE, reason="processes are not copied here")
+def test_workers_end_with_a_process_that_is_killed(tmp_path: Path) -> None:
+    """It can tell them nothing, and nobody else knows of them."""
+    code = f"import sys; from tests.test_workers import TWO, Sleeps; todo = Sleeps({str(tmp_path)!r})\n"
+    code += "results = TWO.done(todo, range(4), 'task'); print(next(results), flush=True); sys.stdin.read()"
+    program = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    with program:
+        assert program.stdout is not None and program.stdout.readline() == b"{0: 0}\n"
+        assert any(tmp_path.iterdir()) and not ended(tmp_path, 0.5)
+        program.kill()
+    assert ended(tmp_path)
 
 
 def test_what_a_task_refuses_is_told_as_if_it_were_here() -> None:

@@ -1,4 +1,4 @@
-"""Tasks in several processes, by joblib: of this machine, or the workers of a dask cluster.
+"""Tasks in several processes: copies of this one, or by joblib new ones, or the workers of a dask cluster.
 
 A work is pickled once and opened once by every worker. Tasks go in batches of a second or two, for a cluster's
 scheduler takes some 20 ms for each; they become smaller towards the end, so that all workers end together. Batches of
@@ -12,15 +12,16 @@ import os
 import signal
 import time
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, TypeVar
 
 from pkmcal_cli import __version__
 from pkmcal_cli.base.errors import PkmcalError, UsageError
+from pkmcal_cli.base.forked import POSSIBLE, in_copies
 from pkmcal_cli.base.tasks import Work, one_thread
 
 Result = TypeVar("Result")
@@ -126,18 +127,22 @@ def _once(
 ) -> Iterator[Mapping[int, Any]]:
     """The same by workers of which none is lost."""
     import cloudpickle
-    from joblib import Parallel, delayed, parallel_config
 
-    with parallel_config(n_jobs=jobs, **settings):
-        pool = Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs")
-        batches = _Batches(numbers, pool._effective_n_jobs())
-        done = pool(delayed(_batch)(sealed, part) for part in batches)
-        try:
-            for results, seconds in done:
-                batches.learn(seconds)
-                yield cloudpickle.loads(results)
-        finally:
-            done.close()
+    done: Generator[tuple[bytes, float], None, None]
+    if POSSIBLE and "client" not in settings:
+        batches = _Batches(numbers, jobs)
+        done = in_copies(partial(_batch, sealed), iter(batches), jobs)
+    else:
+        from joblib import Parallel, delayed, parallel_config
+
+        with parallel_config(n_jobs=jobs, **settings):
+            pool = Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs")
+            batches = _Batches(numbers, pool._effective_n_jobs())
+            done = pool(delayed(_batch)(sealed, part) for part in batches)
+    with closing(done):
+        for results, seconds in done:
+            batches.learn(seconds)
+            yield cloudpickle.loads(results)
 
 
 def _settings(stack: ExitStack, cluster: str | None) -> dict[str, Any]:
