@@ -44,3 +44,21 @@ def test_a_folder_is_no_machine(tmp_path: Path) -> None:
 def test_a_decimal_comma_of_an_option_is_told() -> None:
     done = clean(run("calibrate", TRIGLIDE, TABLE, "--fail-above", "heldout 0,02 mm"))
     assert done.code == 2 and "help: write a decimal point, not a comma" in done.err, done.err
+
+
+def test_a_key_in_the_wrong_place_is_told_where_it_belongs(tmp_path: Path) -> None:
+    """The list of all sections helped nobody who wrote `sigma: 10 um` for the whole machine."""
+    for key, home in (("sigma: 10 um", "`actuators`, `sensors`"), ("nominal: 3", "`parameters`")):
+        (file := tmp_path / "m.yaml").write_text(f"extends: {TRIGLIDE}\n{key}\n", encoding="utf-8")
+        done = clean(run("check", file))
+        word = key.partition(":")[0]
+        assert done.code == 1 and f"m.yaml:2:1: error[unknown-key]: unknown key `{word}`" in done.err
+        assert f"help: `{word}` is a key of the entries of {home}\n" in done.err
+
+
+def test_more_folds_than_poses(tmp_path: Path) -> None:
+    """The message says how many there are: two rows are of one pose."""
+    head, *rows = TABLE.read_text(encoding="utf-8").splitlines()
+    (table := tmp_path / "t.csv").write_text("\n".join([head, *rows[:12], rows[0]]) + "\n", encoding="utf-8")
+    done = clean(run("calibrate", TRIGLIDE, table, "--holdout", "13"))
+    assert done.code == 2 and "13 folds are not possible with 12 distinct poses; ask for 2 to 12, or none" in done.err

@@ -62,8 +62,9 @@ def fold_labels(scheme: str, problem: Problem, measurements: Measurements) -> tu
         return labels, f"by workspace cell, {len(np.unique(labels))} cells"
     groups = problem.clusters.together(replicate_groups(problem))
     folds = int(scheme)
-    if folds < 2 or folds > groups.max(initial=0) + 1:
-        raise ValueError(f"{folds} folds are not possible: at least 2, at most the number of distinct poses")
+    poses = int(groups.max(initial=-1)) + 1
+    if folds < 2 or folds > poses:
+        raise ValueError(f"{folds} folds are not possible with {poses} distinct poses; ask for 2 to {poses}, or none")
     return groups % folds, f"{folds} folds, repeated poses kept together"
 
 

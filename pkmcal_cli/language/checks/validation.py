@@ -14,6 +14,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 
 from pkmcal_cli.base.errors import FaultList, did_you_mean
+from pkmcal_cli.base.plural import listed
 from pkmcal_cli.language.fields import Entity
 from pkmcal_cli.language.machine import Machine, WrittenMachine
 from pkmcal_cli.language.quantities import hint_of, kind_of
@@ -146,7 +147,8 @@ def _add(details: Mapping[str, Any], path: Path, source: SourceMap, faults: Faul
         names = list(owner.model_fields) if owner is not None else []
         message = f"unknown key `{key}`{_of(loc[:-1])}"
         new = owner.renamed.get(key) if owner is not None else None
-        hint = f"`{key}` is now called `{new}`" if new else did_you_mean(key, names, _list_of(names))
+        known = _of_entries(key) or _list_of(names)
+        hint = f"`{key}` is now called `{new}`" if new else did_you_mean(key, names, known)
         around = source.node(path[:-1]).value
         hint = (cut_by_comma(around, key) if isinstance(around, dict) else None) or hint
         faults.add(source.fault("unknown-key", message, path, hint, at_key=True))
@@ -192,6 +194,13 @@ def _plain_words(details: Mapping[str, Any]) -> tuple[str, str | None]:
             _PIECES if details["loc"][-1] == "pieces" and kind == "less_than_equal" else None
         )
     return str(details["msg"]), None
+
+
+def _of_entries(key: str) -> str:
+    """Where a key belongs that is none of a place: entries of which sections have it; "" for none."""
+    entries = {name: _owner((name, "")) for name in Machine.model_fields}
+    having = [f"`{name}`" for name, entry in entries.items() if entry is not None and key in entry.model_fields]
+    return f"`{key}` is a key of the entries of {listed(having)}" if having else ""
 
 
 def _list_of(names: list[str]) -> str:
