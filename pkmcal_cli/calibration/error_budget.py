@@ -24,6 +24,7 @@ from pkmcal_cli.calibration.identifiability import Directions
 from pkmcal_cli.calibration.instruments import Instruments
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.range_scales import Evidence, Scales, drawn_scales
+from pkmcal_cli.calibration.robust import without_far_off
 from pkmcal_cli.calibration.scale_start import first_factors
 
 COVER = 1.959963985  # standard uncertainties of a 95 % interval
@@ -164,6 +165,7 @@ def error_budget(
     problem: Problem, fit: Fit, held: tuple[str, ...] = (), scales: Scales | None = None, noise: float | None = None
 ) -> ErrorBudget:
     """Of a fit that has ended. `scales`: known from elsewhere; noise: what all stated variances are multiplied by."""
+    problem = without_far_off(problem)
     both, p = (*fit.selected, *held), len(fit.selected)
     index = [problem.model.names.index(n) for n in both]
     half = 0.5 * problem.model.ranges[index]

@@ -96,9 +96,11 @@ def cross_validate(
     scheme: str,
     again: Refit | None = None,
     observe: Observer = unobserved,
+    weight: Array | None = None,
 ) -> HeldOut:
     """Refit without each fold, from where the fit began (what a fold does not determine must not come from the
-    held-out rows), predict it, and gather all held-out residuals. `again`: how, by default by least squares.
+    held-out rows), predict it, and gather all held-out residuals. `again`: how, by default by least squares; weight
+    (N, C): with which that begins.
     """
     before, after, failed, lost = [], [], 0, 0
     fitted_too: dict[str, None] = {}
@@ -107,7 +109,7 @@ def cross_validate(
         observe(Stage("held-out fold", k, len(folds)))
         trained = None  # the fold before: states of a long table are large
         inside, outside = np.nonzero(labels == fold)[0], np.nonzero(labels != fold)[0]
-        trained = _refitted(problem.take(outside), fit, outside, again or _by_least_squares)
+        trained = _refitted(replace(problem, weight=weight).take(outside), fit, outside, again or _by_least_squares)
         failed += trained is None or trained.status != "converged"
         part = _without_bench(problem.take(inside))
         if trained is None:

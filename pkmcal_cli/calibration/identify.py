@@ -135,7 +135,9 @@ def _identified(
     if patience.choosy and 2 * way.astray > len(way.kept):
         raise RowsFailed(first)
     ropes = near and bool(problem.model.exact.ropes)  # those that are slack at the start may hold a fit back
-    if way.astray or (ropes and chi_square(way.kept, way.end) > _SPOILT * way.kept.count):
+    if way.astray and not patience.retraces:
+        way = replace(way, stopped="no_descent")
+    elif way.astray or (ropes and chi_square(way.kept, way.end) > _SPOILT * way.kept.count):
         way = _descent(task, kept, evaluation, failed, compare=True)
     stopped, steps, lost, end = way.stopped or "budget", len(way.chi2), way.failed, way.end
     if stopped == ABANDONED:

@@ -14,12 +14,14 @@ class Patience:
     So is one, where chi2 is finite, that leads where most rows are lost, or in other assemblies. Finite steps are for
     data in which a gross mistake shows: then rows that cannot be predicted are not looked for.
     enough: variances of the noise, as the fit leaves it; a step that promises less is the last one. 0: as near as
-    rounding lets it come.
+    rounding lets it come. retraces: whether steps that end where rows are in other assemblies are taken once more, each
+    compared with these; else the fit has not converged.
     """
 
     chi2: float = np.inf
     steps: float = np.inf
     enough: float = 0.0
+    retraces: bool = True
 
     @property
     def short(self) -> bool:
@@ -41,4 +43,5 @@ class Patience:
 
 
 EXACT = Patience()
+SHORT = Patience(retraces=False)  # of fits that are no good where something is wrong by far, and so end soon
 COMPARED = Patience(enough=1e-4)  # of fits that are compared with others: no evidence or error shows as little

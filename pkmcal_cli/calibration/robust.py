@@ -33,6 +33,7 @@ _NO_STEP = 1e-3  # of a mean square: parameters are within some hundredths of th
 _OFF = 3.5  # standard uncertainties from which on a value is told as doubtful
 _LEAST = 1e-8  # weight of a value that is left out
 NEGLIGIBLE = 10 * _LEAST
+_CUT_OFF = 0.1  # weight below which a value pulls as hard wherever it is (Huber), or not at all
 _FEWEST = 10  # values of a channel by which its scale is judged
 
 
@@ -95,6 +96,15 @@ def without_weight(problem: Problem, rows: Collection[int]) -> Problem:
     weight[list(rows)] = _LEAST
     weight[:, problem.once] = 1.0
     return replace(problem, weight=weight)
+
+
+def without_far_off(problem: Problem) -> Problem:
+    """The problem by which a fit follows what changes: values that are far off pull as hard when they are further off.
+
+    By its weight one would go with the slopes of its row, which may be wild where a reading is wrong.
+    """
+    weight = problem.weight
+    return problem if weight is None else replace(problem, weight=np.where(weight < _CUT_OFF, _LEAST, weight))
 
 
 def identify_robustly(problem: Problem, first: Fit, loss: Loss) -> RobustFit:

@@ -20,7 +20,7 @@ from pkmcal_cli.calibration.agreement import SAME, Agreement, agreement_of, apar
 from pkmcal_cli.calibration.estimated_ranges import centred
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import STEPS, RowsFailed, identify
-from pkmcal_cli.calibration.patience import Patience
+from pkmcal_cli.calibration.patience import EXACT, SHORT, Patience
 from pkmcal_cli.calibration.prior import Prior
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.steady_ropes import steady_fit
@@ -64,7 +64,8 @@ def identify_from(
     first: Fit | None = None
     failure: RowsFailed | None = None
     try:
-        patience = Patience(_HOPELESS * problem.count, _SOON) if wrong_table else Patience()
+        doubtful = EXACT if steps == STEPS else SHORT
+        patience = Patience(_HOPELESS * problem.count, _SOON) if wrong_table else doubtful
         progress = partial(_fitted, observe)
         first = identify(problem, selected, start, steps, progress=progress, states=states, patience=patience)
         first = _centred(problem, selected, start, first)

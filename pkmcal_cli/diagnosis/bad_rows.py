@@ -3,16 +3,19 @@ explain them after all."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.bench_readings import BenchReading, bench_readings
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.problem import Problem, usable
 from pkmcal_cli.diagnosis.alpha import Alpha
 from pkmcal_cli.diagnosis.gross_rows import Rows, gross_rows
+from pkmcal_cli.diagnosis.linear import Linear
 from pkmcal_cli.diagnosis.outlying_rows import row_scores
 from pkmcal_cli.diagnosis.refits import recalibrated
 from pkmcal_cli.diagnosis.scoring import Scored, Search, score_all
@@ -31,9 +34,8 @@ def without_gross_rows(search: Search, parts: Alpha, seed: int) -> Search:
     begin, states, once = search.start, search.fit.before.start, search.problem.once
     rows, fit = gross_rows(search.problem, search.declared, parts.rows, seed, start=begin, states=states)
     table = replace(search, problem=search.problem.leaving_out(once))
-    if fit is not None and len(rows) > 1:
-        values = int(table.problem.measured[list(rows)].sum())
-        rows, fit = ((), None) if _of_one_cause(table, fit, values) else (rows, fit)
+    if fit is not None and len(rows) > 1 and _of_one_cause(table, fit, rows):
+        rows, fit = (), None
     if once:
         return _without_readings(search, recalibrated(table) if fit is None else _of_others(table, rows, fit), parts)
     return search if fit is None else _of_others(search, rows, fit)
@@ -53,19 +55,36 @@ def _without_readings(search: Search, table: Search, parts: Alpha) -> Search:
     every = replace(table, problem=table.problem.leaving_out(search.problem.left_out))
     readings = bench_readings(every.problem, table.fit)
     bad = [r.channel for r in readings if r.p_value < parts.rows / len(readings)]
-    if len(bad) > 1 and _of_one_cause(every, table.fit, len(bad)):
+    pieces = [len(every.problem) + every.problem.once.index(channel) for channel in bad]
+    if len(bad) > 1 and _of_one_cause(every, table.fit, pieces):
         bad = []
     if not bad and not table.bad_rows:
         return search
     return recalibrated(replace(every, problem=every.problem.leaving_out((*search.problem.left_out, *bad))))
 
 
-def _of_one_cause(search: Search, others: Fit, values: int) -> bool:
-    """Whether one effect explains nearly all that so many values are off by the fit of the others."""
+def _of_one_cause(search: Search, others: Fit, pieces: Sequence[int]) -> bool:
+    """Whether one effect explains nearly all that rows, or readings of the bench, are off by the fit of the others.
+
+    That is of all these `pieces` together, and of each on average: one that is off by much more than the rest proves no
+    effect.
+    """
     whole = score_all(replace(search, fit=others), search.candidates.hypotheses)
-    off = whole.linear.chi2 - others.chi2
-    few = [s.statistic for s in whole.scores if 2 * s.count <= values]  # as many numbers explain any values
-    return max(few, default=0.0) > _KINSHIP * off
+    linear, some = whole.linear, list(pieces)
+    values = int((np.isin(linear.pieces, some) & linear.on).sum())
+    most = _KINSHIP * (linear.chi2 - others.chi2)
+    squares = _squares(linear, linear.residual)[some]
+    for hypothesis, score in zip(whole.hypotheses, whole.scores, strict=True):
+        if score.statistic > most and 2 * score.count <= values:  # as many numbers explain any values
+            left = linear.unexplained - linear.free(linear.tested(hypothesis) @ score.estimate)
+            if np.mean(_squares(linear, left)[some] / squares) < 1.0 - _KINSHIP:
+                return True
+    return False
+
+
+def _squares(linear: Linear, values: Array) -> Array:
+    """Sums of squares of values (n,) by piece."""
+    return np.bincount(linear.pieces.ravel(), values**2)
 
 
 def restored(search: Search) -> Search:

@@ -12,6 +12,7 @@ from pkmcal_cli.calibration.estimated_ranges import centred, with_estimated_rang
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identifiability import WEAK
 from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.calibration.patience import SHORT
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.starts import best_of_starts
 from pkmcal_cli.diagnosis.gross_rows import gross_rows
@@ -36,7 +37,7 @@ def calibrated(
     gross where it begins; where it does not at all, that from further starts, and all fits begin where it ended.
     """
     start = replace(candidates, model=problem.model).begin()
-    fit = identify(problem, selected, start, iterations=_SOON)
+    fit = identify(problem, selected, start, iterations=_SOON, patience=SHORT)
     if fit.status == "not_converged":
         states = fit.before.start
         _, others = gross_rows(problem, selected, options.parts.rows, options.seed, start=start, states=states)

@@ -64,7 +64,8 @@ def held_out(
             return str(error)
         raise UsageError(f"--holdout {scheme}: {error}") from None
     again = partial(refit, options, factors=calibration.budget.factors)
-    return cross_validate(problem, fit, labels, words, again, observe)
+    weight = None if options.loss == "squares" else calibration.robust.problem.weight
+    return cross_validate(problem, fit, labels, words, again, observe, weight)
 
 
 def implausible(problem: Problem, calibration: Calibration) -> bool:
