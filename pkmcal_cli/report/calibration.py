@@ -173,9 +173,8 @@ class CalibrationReport:
             to.say(ranges_text(self.ranges))
         if far := [r for r in selected if r.far]:
             hint = "check for a wrong unit, a missing effect or a local minimum (`--starts 10` tries other starts)"
-            names = ", ".join(f"{r.name} ({abs(r.value - r.nominal) / r.range:.1f})" for r in far)
             where = self.machine.source.fault("", "", ("parameters", far[0].name), at_key=True).where
-            to.warn(f"warning: far from nominal (in ranges): {names}; {hint}", where)
+            to.warn(f"warning: far from nominal (in ranges): {', '.join(r.in_ranges for r in far)}; {hint}", where)
         to.say()
 
     def _show_parameters(self, to: Reporter, selected: list[ParameterRow]) -> None:
@@ -209,7 +208,8 @@ class CalibrationReport:
             to.say(f"weak: {combination_text(self.model, c)}")
         if weak:
             more = " (see `pkmcal observability`)" if len(weak) > len(short) else ""
-            to.say(f"{count(len(weak), 'weak combination')} held near nominal; the uncertainties include the ranges{more}")
+            held = count(len(weak), "weak combination")
+            to.say(f"{held} held near nominal; the uncertainties include the ranges{more}")
 
     def _row(self, r: ParameterRow) -> tuple[str, ...]:
         known = r.by_data is not None
@@ -260,8 +260,8 @@ class CalibrationReport:
         )  # fmt: skip
         to.table("Error", headers, rows, spare=("criterion before", "criterion after"))
         if self.started:
-            rows = f"{self.started} of {self.n_rows} rows"
-            to.say(f"error before: not available; {rows} cannot be predicted at the start")
+            lost = f"{self.started} of {self.n_rows} rows"
+            to.say(f"error before: not available; {lost} cannot be predicted at the start")
         if len(self.slipped):
             to.say(f"errors without {count(len(self.slipped), 'row')} that can be predicted only with drive errors")
         if isinstance(self.held_out, str):
