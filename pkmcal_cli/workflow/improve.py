@@ -94,7 +94,7 @@ def run_improvement(request: ImproveRequest) -> int:
     machine, parameters = (None, None) if targets is None else _write(request, inputs, report, targets, head, to)
     failures = improved.failures(request.accept)
     if failed := not fails_on.isdisjoint(failures):
-        to.refuse(improved.refusal, case.measured.location)
+        to.refuse(improved.refusal(request.accept), case.measured.location)
     code, gates_json = _verdict(case, report, limits, failed, to)
     result: dict[str, Any] = {}
     if request.as_json or request.run is not None:  # what only programs read takes some of the time
@@ -128,10 +128,9 @@ class Improved:
             return made.fit.status
         return "implausible" if self.odd else "incomplete" if more else "converged"
 
-    @property
-    def refusal(self) -> str:
-        """A negative verdict in words, with its reasons."""
-        reasons = [f"because: implausible: {reason}" for reason in self.odd]
+    def refusal(self, accept: bool) -> str:
+        """A negative verdict in words, with its reasons but for those that are accepted."""
+        reasons = [] if accept else [f"because: implausible: {reason}" for reason in self.odd]
         return "\n".join([self.report.summary, self.report.diagnosis.verdict_line(), *reasons])
 
     def failures(self, accept: bool = False) -> tuple[str, ...]:
