@@ -5,7 +5,12 @@ from __future__ import annotations
 import subprocess
 import sys
 
-PARTS = (["tests.coverage_table"], ["tests.interval_coverage"], ["tests.tier_coverage", "--fresh"])
+PARTS = (
+    ["tests.coverage_table"],
+    ["tests.interval_coverage"],
+    ["tests.scale_priors"],
+    ["tests.tier_coverage", "--fresh"],
+)
 
 if __name__ == "__main__":
     for part in PARTS:

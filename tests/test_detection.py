@@ -24,7 +24,7 @@ from pkmcal_cli.diagnosis.score import log_evidence
 from pkmcal_cli.diagnosis.selection_bias import Acceptance
 from pkmcal_cli.diagnosis.trial import Procedure
 from pkmcal_cli.diagnosis.visible_sizes import absorbing, visible_sizes
-from tests.command import MACHINES, TRIGLIDE, clean, run
+from tests.command import MACHINES, SCISSORS, TRIGLIDE, clean, run
 from tests.in_ci import in_ci
 from tests.test_absorbed_causes import with_constants
 from tests.test_diagnosis_linear import setting, synthetic
@@ -235,6 +235,16 @@ def test_campaigns_of_a_plan_are_counted() -> None:
     few = run("plan", machine, "--grid", "x=200:700:2,y=170:380:2", "--power", 2, "--json")
     assert few.json["power"] == [] and "takes 8 rows or more" in few.err
     assert run("plan", machine, *grid, "--json").json["power"] == []
+
+
+def test_what_is_held_and_drawn_is_told() -> None:
+    """25 parameters of the Scissors are not identified: without any effect something is named in two of three campaigns
+    of a plan, as these parameters are off nominal, and rightly."""
+    plan = ("plan", SCISSORS, "--grid", "x=-200:200:5,y=-200:200:5", "--aim", "scale@q1", "--points", 1, "--power", 1)
+    done = clean(run(*plan, "--json"))
+    assert "note: 25 parameters not identified, and drawn within their ranges too" in done.err
+    exact = ("plan", MACHINES / "triglide-nonredundant.yaml", "--grid", "x=200:700:3,y=170:380:3", "--select", "all")
+    assert "drawn within" not in clean(run(*exact, "--aim", "backlash@q2", "--points", 1, "--power", 1)).err
 
 
 def test_what_dimensions_take_up_has_no_smallest_size(tmp_path: Path) -> None:

@@ -188,6 +188,16 @@ def test_nothing_to_adjust(value: str) -> None:
     assert done.code == 3 and "no parameter of the machine file is `adjustable`" in done.err and done.out == ""
 
 
+def test_nothing_is_adjusted_by_values_that_nobody_identified() -> None:
+    """Without parameters, or with those of a calibration that held it: a list of changes by 0 is no list."""
+    text = STACKED.replace("square: {nominal: 0, unit: deg}", "square: {nominal: 0, unit: deg, adjustable: true}")
+    Path("m.yaml").write_text(text)
+    Path("p.yaml").write_text("parameters: {sy: 1.001}\n")
+    for parameters in ((), ("-p", "p.yaml")):
+        done = run("correct", "m.yaml", "--grid", "x=0:200:2", "--as", "adjust", *parameters)
+        assert done.code == 2 and "nothing to adjust" in done.err and "-p PARAMS.yaml" in done.err and done.out == ""
+
+
 def test_an_adjusted_parameter_has_one_value() -> None:
     entry = "sy: {nominal: 1}\n  z0: {nominal: 0, per: session, adjustable: true}"
     text = STACKED.replace("sy: {nominal: 1}", entry)

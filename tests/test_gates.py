@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Collection
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -150,6 +151,50 @@ def test_rows_that_are_not_used_and_outliers_are_annotated_at_their_lines(tmp_pa
     lines_told = [p.get("line") for severity, p, text in commands_of(done.err) if "outlier: " in text]
     assert "11" in lines_told
     assert not commands_of(run("calibrate", TRIGLIDE, tmp_path / "t.csv", "--holdout", "none").err)
+
+
+def table_of_triglide(file: Path, change: Callable[[float, float], tuple[float, float]], rows: Collection[int]) -> str:
+    """The table of the Triglide without redundancy; change: readings (x, y), mm, of rows at these lines of the file."""
+    lines = Path(PLAIN_DATA).read_text().splitlines()
+    for line in rows:
+        *rest, x, y = lines[line - 1].split(",")
+        lines[line - 1] = ",".join([*rest, *(f"{v:.6f}" for v in change(float(x), float(y)))])
+    file.write_text("\n".join(lines) + "\n")
+    return str(file)
+
+
+@pytest.mark.parametrize("command", ["calibrate", "diagnose", "improve"])
+def test_a_negative_verdict_is_an_annotation_of_the_table_and_is_told_when_quiet(command: str, tmp_path: Path) -> None:
+    """A tracker that moved by 3 mm half way: no fit is to be believed. `improve -q` failed without a word."""
+    last = len(Path(PLAIN_DATA).read_text().splitlines())
+    table = table_of_triglide(tmp_path / "t.csv", lambda x, y: (x + 3 * (y > 270), y), range(2, last + 1))
+    for quiet in ((), ("-q",)):
+        done = clean(run(command, PLAIN, table, "--format", "github", *quiet))
+        errors_told = [(p.get("file"), text) for severity, p, text in commands_of(done.err) if severity == "error"]
+        assert done.code == 1 and len(errors_told) == 1 and errors_told[0][0] == table
+        verdict = errors_told[0][1].splitlines()[0]
+        assert verdict.startswith(("IMPLAUSIBLE", "diagnosis: ", "NOT IMPROVED")) and done.err.count(verdict) == 2
+    assert not any(severity == "warning" for severity, _, _ in commands_of(done.err))
+
+
+def test_rows_that_a_search_does_not_use_are_annotated_at_their_lines(tmp_path: Path) -> None:
+    table = table_of_triglide(tmp_path / "t.csv", lambda x, y: (x + 2, y), (30, 50))
+    told = commands_of(clean(run("diagnose", PLAIN, table, "--format", "github")).err)
+    rows = [(p["file"], p["line"]) for severity, p, text in told if severity == "warning" and "bad row: " in text]
+    assert rows == [(table, "30"), (table, "50")]
+
+
+def test_doubts_of_a_table_and_of_a_parameter_have_a_file(tmp_path: Path) -> None:
+    """A reading that never changes, at the table; values far off nominal, at the first one in the machine file."""
+    last = len(Path(PLAIN_DATA).read_text().splitlines())
+    stuck = table_of_triglide(tmp_path / "y.csv", lambda x, y: (x, 275.0), range(2, last + 1))
+    for command, severity in (("check", "error"), ("calibrate", "warning")):
+        told = commands_of(clean(run(command, PLAIN, stuck, "--format", "github")).err)
+        assert [p.get("file") for s, p, text in told if s == severity and "repeats" in text] == [stuck]
+    moved = table_of_triglide(tmp_path / "x.csv", lambda x, y: (x + 3 * (y > 270), y), range(2, last + 1))
+    told = commands_of(clean(run("calibrate", PLAIN, moved, "--format", "github")).err)
+    (place,) = [p for _, p, text in told if text.startswith("far from nominal")]
+    assert (place["file"], "l1:" in Path(TRIGLIDE).read_text().splitlines()[int(place["line"]) - 1]) == (TRIGLIDE, True)
 
 
 def test_annotations_keep_their_line_and_their_parts() -> None:

@@ -224,5 +224,7 @@ def test_an_improved_machine_is_kept(folder: Path) -> None:
     run("improve", SCISSORS, SHOPFLOOR, "--run", "runs", "-q")
     (kept,) = (p for p in (folder / "runs").iterdir() if p != diagnosed)
     params = kept / "params.yaml"
+    rms = json.loads((kept / "result.json").read_text())["after"]["position"]["rms"]
+    assert f"{1e3 * rms:.4g} um (held out)" in (kept / "run.yaml").read_text(), "as that of a calibration"
     done = run("calibrate", kept / "improved.yaml", SHOPFLOOR, "-p", params, "--json", "-q", "--accept")
     assert done.code == 0 and done.json["after"]["position"]["rms"] < 0.002  # mm, with its bad row

@@ -110,6 +110,15 @@ FailAbove = Annotated[
         autocompletion=_completion.limits,
     ),
 ]
+FailAboveChange = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--fail-above",
+        metavar='"KIND VALUE"',
+        help='Exit with 1 above a limit: "change 20 um" of calibrations, "heldout 20 um" of the second machine.',
+        autocompletion=_completion.limits,
+    ),
+]
 MaxRms = Annotated[
     str | None, typer.Option("--max-rms", metavar="VALUE", help="Limit of the position rms, as --fail-above.")
 ]

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from pkmcal_cli.commands._options import FailAbove, Force, Json, Plot, Quiet, Style, as_request
+from pkmcal_cli.commands._options import FailAboveChange, Force, Json, Plot, Quiet, Style, as_request
 
 
 def compare(
@@ -18,7 +18,7 @@ def compare(
         str | None, typer.Option("--machine", metavar="M.yaml", help="Machine whose tool point is predicted.")
     ] = None,
     alpha: Annotated[float, typer.Option("--alpha", help="Chance of an alarm where nothing has changed.")] = 0.05,
-    fail_above: FailAbove = None,
+    fail_above: FailAboveChange = None,
     plot: Plot = None,
     as_json: Json = False,
     quiet: Quiet = False,

@@ -51,6 +51,12 @@ class Campaigns:
     alpha: float
     seed: int
 
+    @property
+    def held(self) -> tuple[str, ...]:
+        """Parameters that are not identified, and are off nominal by their ranges all the same."""
+        tried = {n for h in self.plan.candidates.hypotheses if h.effect != RELEASE for n in h.parameters}
+        return tuple(n for n in held_parameters(self.plan.problem, self.selected, ()) if n not in tried)
+
     def outcome(self, effect: Visibility | None, number: int) -> str:
         """What becomes of a campaign with an effect of the size detected in 80 %, of either sign; None: none."""
         return _outcome(self._diagnosis(effect, _size(effect), number), effect)
@@ -71,9 +77,7 @@ class Campaigns:
     def _drawn(self, effect: Visibility | None, size: float, rng: np.random.Generator) -> Array:
         """True parameters (P,)."""
         model = self.plan.problem.model
-        candidate_parameters = {n for h in self.plan.candidates.hypotheses if h.effect != RELEASE for n in h.parameters}
-        held = [n for n in held_parameters(self.plan.problem, self.selected, ()) if n not in candidate_parameters]
-        index = [model.names.index(n) for n in (*self.selected, *held)]
+        index = [model.names.index(n) for n in (*self.selected, *self.held)]
         values = self.values.copy()
         low, high = np.array([model.parameters[k].bounds for k in index]).reshape(-1, 2).T
         values[index] = np.clip(values[index] + 0.5 * model.ranges[index] * rng.normal(size=len(index)), low, high)

@@ -171,9 +171,10 @@ class CalibrationReport:
             to.say(held_text(self.budget))
         if self.ranges.doubtful:
             to.say(ranges_text(self.ranges))
-        if far := [f"{r.name} ({abs(r.value - r.nominal) / r.range:.1f})" for r in selected if r.far]:
+        if far := [r for r in selected if r.far]:
             hint = "check for a wrong unit, a missing effect or a local minimum (`--starts 10` tries other starts)"
-            to.warn(f"warning: far from nominal (in ranges): {', '.join(far)}; {hint}")
+            where = self.machine.source.fault("", "", ("parameters", far[0].name), at_key=True).where
+            to.warn(f"warning: far from nominal (in ranges): {', '.join(r.in_ranges for r in far)}; {hint}", where)
         to.say()
 
     def _show_parameters(self, to: Reporter, selected: list[ParameterRow]) -> None:
@@ -206,9 +207,9 @@ class CalibrationReport:
         for c in short:
             to.say(f"weak: {combination_text(self.model, c)}")
         if weak:
-            held = f"{count(len(weak), 'weak combination')} held near nominal"
             more = " (see `pkmcal observability`)" if len(weak) > len(short) else ""
-            to.say(f"{held}; the uncertainties include the ranges{more}")
+            held = count(len(weak), "weak combination")
+            to.say(f"{held} held near nominal; the uncertainties include the ranges{more}")
 
     def _row(self, r: ParameterRow) -> tuple[str, ...]:
         known = r.by_data is not None
@@ -259,9 +260,8 @@ class CalibrationReport:
         )  # fmt: skip
         to.table("Error", headers, rows, spare=("criterion before", "criterion after"))
         if self.started:
-            to.say(
-                f"error before: not available; {self.started} of {self.n_rows} rows cannot be predicted at the start"
-            )
+            lost = f"{self.started} of {self.n_rows} rows"
+            to.say(f"error before: not available; {lost} cannot be predicted at the start")
         if len(self.slipped):
             to.say(f"errors without {count(len(self.slipped), 'row')} that can be predicted only with drive errors")
         if isinstance(self.held_out, str):

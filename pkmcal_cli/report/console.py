@@ -49,17 +49,22 @@ class Reporter:
     def warn(self, finding: str | Fault, where: Location | None = None) -> None:
         """A warning; `where`: the place that a text is about."""
         self._finding(finding, "yellow")
-        if not self.quiet:
-            self.mark(finding, where, "warning")
+        self.mark(finding, where, "warning")
 
     def fail(self, finding: str | Fault, where: Location | None = None) -> None:
         """Why the verdict is negative, `where` as for a warning: shown even when quiet."""
         self._finding(finding, "red", always=True)
         self.mark(finding, where, "error")
 
+    def refuse(self, verdict: str, where: Location | None = None) -> None:
+        """A negative verdict that the report begins with: alone where that is not shown, and as an annotation."""
+        if self.quiet:
+            self._finding(verdict, "red", always=True)
+        self.mark(verdict, where, "error")
+
     def mark(self, finding: str | Fault, where: Location | None, severity: Severity) -> None:
-        """A finding as an annotation alone, where these are asked for."""
-        if not (self.annotated and finding):
+        """A finding as an annotation alone, where these are asked for; when quiet, only errors."""
+        if not (self.annotated and finding) or (self.quiet and severity == "warning"):
             return
         text = finding.strip().removeprefix("warning: ") if isinstance(finding, str) else ""
         line = of_fault(finding) if isinstance(finding, Fault) else annotation(severity, text, where)

@@ -82,11 +82,7 @@ class DiagnosisReport(VisibilityReport):
         self._show_table(to, "Causes", [*map(self._row, machine), *shapes])
         self._show_table(to, "Check the measurement first", [*map(self._row, instrument)])
         self.show_readings(to)
-        for row in self.diagnosis.bad_rows:
-            to.say(f"bad row: {self.measured.row_origin(row)}: not used; repeat this pose")
-        for row, chance in self.diagnosis.suspected.items():
-            words = f"{100 * chance:.1g} % chance that any row is off as much"
-            to.say(f"suspected row: {self.measured.row_origin(row)}: {words}; still used; repeat this pose")
+        self.show_rows(to, "not used; repeat this pose")
 
     def verdict_line(self) -> str:
         """What the data say; in a second line, by which figures."""

@@ -6,6 +6,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from pkmcal_cli.base.errors import Location
 from pkmcal_cli.diagnosis.bad_rows import doubtful_readings
 from pkmcal_cli.diagnosis.findings import Finding
 from pkmcal_cli.diagnosis.panels import FieldMap, field_map
@@ -75,9 +76,18 @@ class DiagnosisValues:
     def show_readings(self, to: Reporter) -> None:
         """Readings of the bench that the table contradicts."""
         for reading in self.bad_readings:
-            to.say(f"bad reading: {reading.text}; not used: measure it again")
+            _doubt(to, f"bad reading: {reading.text}; not used: measure it again", reading.location)
         for reading in self.suspected_readings:
-            to.say(f"suspected reading: {reading.text}; still used: measure it again")
+            _doubt(to, f"suspected reading: {reading.text}; still used: measure it again", reading.location)
+
+    def show_rows(self, to: Reporter, bad: str) -> None:
+        """Rows that contradict the others; bad: what becomes of those that do beyond doubt."""
+        places = partial(origin_of, self.measured)
+        for row in self.diagnosis.bad_rows:
+            _doubt(to, f"bad row: {places(row)}: {bad}", places(row).location)
+        for row, chance in self.diagnosis.suspected.items():
+            words = f"{100 * chance:.1g} % chance that any row is off as much; still used; repeat this pose"
+            _doubt(to, f"suspected row: {places(row)}: {words}", places(row).location)
 
     def show_left_out(self, to: Reporter) -> None:
         """Values that are weighed down, and rows that nothing predicts."""
@@ -181,3 +191,9 @@ class DiagnosisValues:
             f" Without it, parameters come out far off nominal and explain the table as well: {listed(texts, 6)}. Only "
             "their ranges speak for the effect: check both."
         )
+
+
+def _doubt(to: Reporter, text: str, where: Location | None) -> None:
+    """A line on what was measured wrongly, and the same beside its place."""
+    to.say(text)
+    to.mark(text, where, "warning")

@@ -94,12 +94,11 @@ class ImprovementReport(ImprovedFiles):
     def show(self, to: Reporter) -> None:
         """What was tried, what it brought, what was not done."""
         improvement = self.improvement
-        to.say(self._summary())
+        to.say(self.summary)
         to.say()
         to.say(self.diagnosis.verdict_line())
         self.diagnosis.show_readings(to)
-        for row in improvement.whole.bad_rows:
-            to.say(f"bad row: {self.measured.row_origin(row)}: used neither for fitting nor for reporting")
+        self.diagnosis.show_rows(to, "used neither for fitting nor for reporting")
         self.diagnosis.show_left_out(to)
         if improvement.steps:
             self._show_steps(to)
@@ -195,7 +194,9 @@ class ImprovementReport(ImprovedFiles):
         only = tested_alone(self.diagnosis.only)
         return f"no further effect is significant{only} (false-alarm rate of the whole diagnosis: {alpha})"
 
-    def _summary(self) -> str:
+    @property
+    def summary(self) -> str:
+        """What the loop has come to."""
         improvement = self.improvement
         only = tested_alone(self.diagnosis.only)
         if improvement.whole.verdict in _NOTHING:

@@ -64,6 +64,11 @@ class ParameterRow:
         return abs(self.value - self.nominal) > _FAR * self.range
 
     @property
+    def in_ranges(self) -> str:
+        """Its name, and how far off nominal the value is."""
+        return f"{self.name} ({abs(self.value - self.nominal) / self.range:.1f})"
+
+    @property
     def spread(self) -> str:
         """The range with its unit."""
         return f"+-{to_digits(self.range, 4)} {self.unit if self.unit != '1' else ''}".rstrip()

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pkmcal_cli.base.errors import Fault
+from pkmcal_cli.base.errors import Fault, Location
 from pkmcal_cli.base.stored_texts import StoredTexts
 from pkmcal_cli.tables.serial_days import Span
 
@@ -66,6 +66,11 @@ class Measurements:
     def inputs(self) -> dict[str, str]:
         """sha256 by name of the files."""
         return dict(zip(self.files, self.sha256, strict=True))
+
+    @property
+    def location(self) -> Location | None:
+        """The table, None for several: what is said of one of them names it."""
+        return Location(self.files[0]) if len(self.files) == 1 else None
 
     @property
     def dated(self) -> dict[str, str]:

@@ -80,8 +80,8 @@ def _verdict(
 ) -> tuple[str, int]:
     """In a word, and the exit code; 1: not converged, a named parameter undetermined, a limit missed; all is told."""
     failed = not report.usable and report.word != "accepted"
-    if failed and s.request.quiet:
-        to.fail(report.verdict())
+    if failed:
+        to.refuse(report.verdict(), s.measured.location)
     selected_by_name = named(report.model, s.request.select) & set(s.determined)
     lost = [r.name for r in report.rows if r.name in selected_by_name and r.std is None]
     if lost:

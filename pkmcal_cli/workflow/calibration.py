@@ -191,7 +191,7 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
     if not hints and s.request.fit_options.loss == "squares":
         hints = rows_far_off(sample, s.measured)
     for hint in (*hints, *copied_rows(s.problem, s.measured)):
-        to.warn(f"warning: {hint}")
+        to.warn(f"warning: {hint}", s.measured.location)
     for text in outside_text(outside_knots(s.problem.model, s.problem.rows)):
         to.warn(text)
     s = _determined(s, states, to)

@@ -57,13 +57,13 @@ def check_tables(loaded: LoadedMachine, measured: Measurements, start: Start, to
         sample = sample_at(loaded, problem, values, prediction.start)
         messages = measurement_hints(loaded, problem, values, measured, sample=sample)
         nominal = NominalMisfitReport(nominal_misfit(sample), row_origin)
-    hints = [Fault("plausibility", text) for text in messages]
+    hints = [Fault("plausibility", text, measured.location) for text in messages]
     hints += absurd_rows(problem, row_origin)
     if not problem.count:
         hints.append(nothing_measured(loaded, problem))
     copied = copied_rows(problem, measured)
     for text in copied:
-        to.warn(f"warning: {text}")
+        to.warn(f"warning: {text}", measured.location)
     sessions = count(len(measured.sessions), "session")
     to.say(f"{count(len(problem), 'row')}, {count(problem.count, 'measured value')}, {sessions}")
     with to.step("what drives and ropes bear"):
@@ -71,7 +71,7 @@ def check_tables(loaded: LoadedMachine, measured: Measurements, start: Start, to
     loads.show(to)
     far = [] if start.inputs or hints or lost.size else nominal.warnings  # these reasons come first
     for text in far:
-        to.warn(f"warning: {text}")
+        to.warn(f"warning: {text}", measured.location)
     if not start.inputs:  # else `verify` compares more
         nominal.show(to)
     counts = {"n_rows": len(problem), "n_values": problem.count, "sessions": list(measured.sessions)}

@@ -71,8 +71,8 @@ def run_diagnosis(request: DiagnosisRequest) -> int:
     Loads.of_fit(diagnosis.search.problem, diagnosis.search.fit, partial(origin_of, case.measured)).show(to)
     _draw(request, case, diagnosis, to)
     failed = diagnosis.verdict in fails_on
-    if request.quiet and failed:
-        to.fail(report.verdict_line())
+    if failed:
+        to.refuse(report.verdict_line(), case.measured.location)
     if request.as_json or request.run is not None:  # what only programs read takes some of the time
         result = enveloped("diagnose", diagnosis.verdict, diagnosis_json(case, report), provenance(case.inputs))
         if request.as_json:
@@ -134,7 +134,7 @@ def diagnosed(case: Case, alpha: float, seed: int, to: Listener) -> Diagnosis:
         raise unsolved(case.measured, failure.evaluation.prediction) from None
     doubts = noise_doubts(made.problem, made.cleared, case.measured, to)
     for text in doubts.commanded:
-        to.warn(f"warning: {text}")
+        to.warn(f"warning: {text}", case.measured.location)
     if not case.mistakes:
         return _believed(made, (*case.hints, *doubts.commanded))
     return case.with_mistakes(made)

@@ -93,7 +93,9 @@ def run_improvement(request: ImproveRequest) -> int:
     head = _head(request, inputs, improved)
     machine, parameters = (None, None) if targets is None else _write(request, inputs, report, targets, head, to)
     failures = improved.failures(request.accept)
-    code, gates_json = _verdict(case, report, limits, not fails_on.isdisjoint(failures), to)
+    if failed := not fails_on.isdisjoint(failures):
+        to.refuse(improved.refusal(request.accept), case.measured.location)
+    code, gates_json = _verdict(case, report, limits, failed, to)
     result: dict[str, Any] = {}
     if request.as_json or request.run is not None:  # what only programs read takes some of the time
         result = improved.json(machine, parameters, accept=request.accept)
@@ -125,6 +127,11 @@ class Improved:
         if made.fit.status != "converged":
             return made.fit.status
         return "implausible" if self.odd else "incomplete" if more else "converged"
+
+    def refusal(self, accept: bool) -> str:
+        """A negative verdict in words, with its reasons but for those that are accepted."""
+        reasons = [] if accept else [f"because: implausible: {reason}" for reason in self.odd]
+        return "\n".join([self.report.summary, self.report.diagnosis.verdict_line(), *reasons])
 
     def failures(self, accept: bool = False) -> tuple[str, ...]:
         """What it did not achieve."""

@@ -12,7 +12,9 @@ from typing import Any
 from pkmcal_cli.base.errors import BadInput, Location, OutputError
 from pkmcal_cli.language.fingerprint import Fingerprint, fingerprint_of
 from pkmcal_cli.language.machine_yaml import read_machine
+from pkmcal_cli.report.figures import figure_unit
 from pkmcal_cli.report.improvement import ImprovementReport
+from pkmcal_cli.report.number_format import readable
 from pkmcal_cli.workflow.run_folder import PARAMETERS, Run, copy_of
 
 _IMPROVED = "improved.yaml"
@@ -32,9 +34,8 @@ def improvement_run(
         overlay = Path(folder) / _IMPROVED
         overlay.write_text(report.overlay(os.path.abspath(machine)), encoding="utf-8")
         fingerprint = replace(fingerprint_of_improved(str(overlay), inputs), of=_IMPROVED)
-    gain, unit, kind = result["after"], "", report.improvement.shown.name
-    if kind in gain and gain[kind]["rms"] is not None:
-        unit = f"{gain[kind]['rms']:.4g} {gain[kind]['unit']} (held out)"
+    figures = report.improvement.after.report.get(report.improvement.shown.name)
+    rms = "" if figures is None else f"{readable(figures.rms, figure_unit(report.machine, figures))} (held out)"
     return Run(
         command="improve",
         machine=machine,
@@ -42,7 +43,7 @@ def improvement_run(
         result=result,
         code=code,
         verdict=report.verdict,
-        rms=unit,
+        rms=rms,
         files={
             _IMPROVED: report.overlay(copy_of(machine, inputs)),
             PARAMETERS: report.parameter_file(head, fingerprint),

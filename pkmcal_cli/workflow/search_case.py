@@ -161,7 +161,7 @@ def _hints(case: Case, to: Listener) -> tuple[Hint, ...]:
         to.warn(text)
     hints = suspicions(case.loaded, problem, case.begin, measured)
     for text in (*(h.message for h in hints), *copied_rows(problem, measured)):
-        to.warn(f"warning: {text}")
+        to.warn(f"warning: {text}", measured.location)
     if derived := derived_directions(measured, case.loaded.model.drive_names):
         to.notes([f"direction of {', '.join(derived)}: taken from the order of the rows"])
     return hints

@@ -9,6 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from pkmcal_cli.base.errors import UsageError
 from pkmcal_cli.correction.commanded_machine import CommandedMachine
 from pkmcal_cli.correction.export_case import Draft, ExportCase, Format, Listing
 from pkmcal_cli.loading.load_machine import LoadedMachine
@@ -83,7 +84,16 @@ def _std(case: ExportCase, name: str) -> float:
     return math.sqrt(max(float(case.covariance[1][k, k]), 0.0))
 
 
+def _check_identified(case: ExportCase) -> None:
+    """Whether any adjustable parameter has another value than the machine file's. Raises UsageError."""
+    index = [case.model.names.index(name) for name in _adjustable(case.loaded)]
+    if (case.values[index] == case.model.nominal[index]).all():
+        message = "--as adjust: all `adjustable` parameters are nominal, so there is nothing to adjust"
+        raise UsageError(message, hint="give `-p PARAMS.yaml` of a calibration that identifies them (`--select`)")
+
+
 def _draft(case: ExportCase) -> Draft:
+    _check_identified(case)
     made, values = adjustments(case), case.values.copy()
     for each in made:
         values[case.model.names.index(each.name)] += each.change * each.unit.scale
