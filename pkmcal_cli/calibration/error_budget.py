@@ -165,8 +165,7 @@ def error_budget(
     problem: Problem, fit: Fit, held: tuple[str, ...] = (), scales: Scales | None = None, noise: float | None = None
 ) -> ErrorBudget:
     """Of a fit that has ended. `scales`: known from elsewhere; noise: what all stated variances are multiplied by."""
-    problem = without_far_off(problem)
-    both, p = (*fit.selected, *held), len(fit.selected)
+    problem, both, p = without_far_off(problem), (*fit.selected, *held), len(fit.selected)
     index = [problem.model.names.index(n) for n in both]
     half = 0.5 * problem.model.ranges[index]
     last = evaluate_condensed(problem, fit.values, both, fit.last.start, fit.shift) if held else fit.last

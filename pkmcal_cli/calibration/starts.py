@@ -64,8 +64,7 @@ def identify_from(
     first: Fit | None = None
     failure: RowsFailed | None = None
     try:
-        doubtful = EXACT if steps == STEPS else SHORT
-        patience = Patience(_HOPELESS * problem.count, _SOON) if wrong_table else doubtful
+        patience = Patience(_HOPELESS * problem.count, _SOON) if wrong_table else EXACT if steps == STEPS else SHORT
         progress = partial(_fitted, observe)
         first = identify(problem, selected, start, steps, progress=progress, states=states, patience=patience)
         first = _centred(problem, selected, start, first)

@@ -65,7 +65,7 @@ def held_out(
         raise UsageError(f"--holdout {scheme}: {error}") from None
     again = partial(refit, options, factors=calibration.budget.factors)
     weight = None if options.loss == "squares" else calibration.robust.problem.weight
-    return cross_validate(problem, fit, labels, words, again, observe, weight)
+    return cross_validate(problem, fit, labels, words, again, observe=observe, weight=weight)
 
 
 def implausible(problem: Problem, calibration: Calibration) -> bool:
