@@ -138,6 +138,17 @@ def test_a_tolerance_decides(calibration: str, tmp_path: Path, tolerance: str, v
     assert found["largest"]["expanded_uncertainty"] == pytest.approx(0.02 if "mm" in tolerance else 20)
 
 
+@pytest.mark.parametrize(("tolerance", "told"), [("20.1 um", False), ("19 um", True)])
+def test_a_tolerance_below_the_uncertainty_cannot_be_met(
+    calibration: str, tmp_path: Path, tolerance: str, told: bool
+) -> None:
+    """The tracker's U is 20 um: whatever the errors are, no point passes below it, and that is said."""
+    after = write_table(tmp_path / "after.csv", "biglide", true_values("biglide", 1), 2, 30)
+    done = run("check", BIGLIDE, after, "-p", calibration, "--tolerance", tolerance)
+    sentence = f"no point can pass: U is 20 um (k = 2) or more, the tolerance {tolerance}; a finer instrument is needed"
+    assert (sentence in done.err) == told and done.code == 1
+
+
 def test_errors_of_the_tool_point_are_those_of_its_coordinates(calibration: str, tmp_path: Path) -> None:
     far = write_table(tmp_path / "after.csv", "biglide", true_values("biglide", 1, l2=2 * MM), 2, 30)
     done = run("check", BIGLIDE, far, "-p", calibration, "--tolerance", "0.2 mm", "--json", "-q")

@@ -143,6 +143,11 @@ class Judged:
         return ~self.passed & ~self.failed
 
     @property
+    def beyond_instrument(self) -> bool:
+        """Whether no point can pass, whatever its error, as U is as large as the tolerance at each."""
+        return bool(len(self.points.rows)) and bool((self.points.expanded >= self.tolerance).all())
+
+    @property
     def verdict(self) -> str:
         """Of all: "pass" if every point passes, "fail" if one fails, else "undecided"."""
         if self.failed.any():

@@ -85,6 +85,11 @@ class VerificationReport:
             to.fail(self.verdict, self._furthest.location)
         if self.judged is not None and not v.p_value >= SIGNIFICANT and v.dof > 0:
             to.warn(f"warning: NOT COMPATIBLE with the parameters: p {v.p_value:.2g}; something has changed")
+        if self.judged is not None and self.unit is not None and self.judged.beyond_instrument:
+            least = self.unit.from_si(float(self.judged.points.expanded.min()))
+            limits = f"U is {least:.3g} {self.unit.text} (k = 2) or more, the tolerance"
+            limits += f" {self.unit.from_si(self.judged.tolerance):.6g} {self.unit.text}"
+            to.warn(f"warning: no {self.judged.noun} can pass: {limits}; a finer instrument is needed")
         partly = 0 if self.judged is None else partly_measured(v.problem, self.judged.points.rows)
         if self.judged is not None and self.judged.measurand is Measurand.DISTANCE:
             to.say(_LENGTHS_ALONE)
