@@ -30,6 +30,11 @@ class Evidence:
     times_noise: float = 1.0
 
     @property
+    def reached(self) -> dict[str, tuple[float, float]]:
+        """Between which coordinates the tool point was."""
+        return {name.removeprefix(TOOL): ends for name, ends in self.measured.items() if name.startswith(TOOL)}
+
+    @property
     def missing(self) -> bool:
         """Whether more was left than chance explains."""
         return self.times_noise > 1.0
@@ -66,6 +71,8 @@ class Evidence:
 _SHOWN = {"orientation": "urad"}
 
 
+TOOL = "tool."
+"""Before the coordinates of the tool point, among what was set and logged: drives may be called x."""
 _DIMENSIONS = {"position": LENGTH, "orientation": ANGLE}
 _TIMES = "times_noise"
 _AS_WRITTEN = "leave this section as `pkmcal calibrate -o` wrote it"

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.base.listener import Listener
@@ -54,18 +55,27 @@ def tool_change(
             values[model.names.index(name)] = value
     tool = tcp_model(model)
     prediction = predict(tool, values, poses.rows, Request(parameters=tuple(names)))
-    if not prediction.solved.any():
+    good, over = prediction.solved, "workspace"
+    if model.workspace is None:
+        good, over = good & _within(tool, prediction.values, known), "measured travel"
+    if not good.any():
         return "no pose of the workspace can be predicted"
-    over = "workspace" if model.workspace is not None else "measured travel"
-    return _change(tool, prediction, changes, names, over, loaded.machine.file_units)
+    return _change(tool, prediction, good, changes, names, over=over, units=loaded.machine.file_units)
 
 
 def _change(
-    tool: Model, prediction: Prediction, changes: Estimate, names: list[str], over: str, units: FileUnits
+    tool: Model,
+    prediction: Prediction,
+    good: NDArray[np.bool_],
+    changes: Estimate,
+    names: list[str],
+    *,
+    over: str,
+    units: FileUnits,
 ) -> ToolChange:
-    """By derivatives of poses with respect to parameters `names`, of rows that are predicted."""
+    """By derivatives of poses with respect to parameters `names`, of good rows (N,)."""
     turns = tool.tool_motion.only_turns
-    good, columns = prediction.solved, tool.measuring(Measurand.ORIENTATION if turns else Measurand.POSITION)
+    columns = tool.measuring(Measurand.ORIENTATION if turns else Measurand.POSITION)
     assert prediction.jacobian is not None
     jacobian = prediction.jacobian[good][:, columns]  # (n, c, k)
     keep = [changes.names.index(n) for n in names]
@@ -106,6 +116,17 @@ def _measured(model: Model, known: Sequence[KnownParameters]) -> Workspace | Non
     if (drives[:, 0] >= drives[:, 1]).any():
         return None
     return Workspace.of_drives(drives)
+
+
+def _within(tool: Model, values: Array, known: Sequence[KnownParameters]) -> NDArray[np.bool_]:
+    """Poses (N, c) between the coordinates that the tool point had in all files: with drives at both ends of their
+    travel it may be far beyond these, and next to a singular pose."""
+    inside = np.ones(len(values), dtype=bool)
+    for evidence in (k.evidence for k in known if k.evidence is not None):
+        for k, channel in enumerate(tool.channels):
+            low, high = evidence.reached.get(channel.name, (-np.inf, np.inf))
+            inside &= (values[:, k] >= low) & (values[:, k] <= high)
+    return inside
 
 
 def _machine(files: Sequence[str], known: Sequence[KnownParameters]) -> LoadedMachine | None:
