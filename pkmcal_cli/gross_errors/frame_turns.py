@@ -106,18 +106,18 @@ class _Counted:
     """Rotation vectors in some columns that are counted from another orientation, or told in other axes.
 
     An instrument that stands anywhere reads R B of a body that has turned by B. R B Q are those counted from another
-    orientation (as R B R^-1 from the reference pose), and Q R B those in other axes, turn (d, d) being Q^-1.
+    orientation (as R B R^-1 from the reference pose), and Q R B those in other axes, back (d, d) being Q^-1.
     """
 
     columns: tuple[int, ...]
-    turn: FloatArray
+    back: FloatArray
     first: bool
 
     @classmethod
-    def of_best(cls, readings: FloatArray, own: FloatArray, columns: tuple[int, ...], first: bool) -> _Counted:
+    def of_best(cls, readings: FloatArray, expected: FloatArray, columns: tuple[int, ...], first: bool) -> _Counted:
         """With the turn that brings readings (N, C) nearest to predictions (N, d, d); `first`: of the body."""
-        back = np.swapaxes(orientations(readings[:, columns]), 1, 2)
-        pairs = back @ own if first else own @ back
+        inverse = np.swapaxes(orientations(readings[:, columns]), 1, 2)
+        pairs = inverse @ expected if first else expected @ inverse
         u, _, vt = np.linalg.svd(pairs.sum(axis=0))
         u[:, -1] *= np.linalg.det(u @ vt)
         return cls(columns, u @ vt, first)
@@ -125,21 +125,22 @@ class _Counted:
     @property
     def size(self) -> float:
         """By how much it turns, rad."""
-        return float(np.linalg.norm(vectors_of(self.turn[None])))
+        return float(np.linalg.norm(vectors_of(self.back[None])))
 
     def of(self, readings: FloatArray) -> FloatArray:
         """The readings (N, C), turned."""
         out, turned = readings.copy(), orientations(readings[:, self.columns])
-        out[:, self.columns] = vectors_of(turned @ self.turn if self.first else self.turn @ turned)
+        out[:, self.columns] = vectors_of(turned @ self.back if self.first else self.back @ turned)
         return out
 
     def hint(self, names: Sequence[str], unit: Unit, before: float, after: float) -> Hint:
         """What is suspected, with the evidence. A turn known by the nominal machine alone puts nothing right."""
         suspected = tuple(names[k] for k in self.columns)
         look = f"{', '.join(f'`{n}`' for n in suspected)} look{'s' if len(suspected) == 1 else ''}"
-        what = "counted from another orientation, as from the reference pose" if self.first else "given in other axes"
+        other = "counted from another orientation, as from the reference pose"
+        suspicion = other if self.first else "given in other axes"
         size = parse_unit("deg").format(self.size, 3)
-        message = f"{look} {what}: {evidence(unit, before, after)} when turned by {size} in all rows. Give "
+        message = f"{look} {suspicion}: {evidence(unit, before, after)} when turned by {size} in all rows. Give "
         message += "orientations of the body in the axes in which the instrument gives its points, or leave them out"
         return Hint(kind="rotated", names=suspected, message=message, before=before, after=after)
 
@@ -160,10 +161,10 @@ def explain_turns(
     unit, there = parse_unit(units[columns[0]]), predicted[:, columns]
     each = tuple((k,) for k in columns) if len(columns) > 1 else ()
     changes = [_Change(tuple(columns), f) for f in (-1.0, *factors_of(unit))] + [_Change(c, -1.0) for c in each]
-    own = rotation.T @ orientations(there)  # as predicted in the axes of the instrument
-    known = np.isfinite(readings[:, columns]).all(axis=1) & np.isfinite(own).all(axis=(1, 2))
+    seen = rotation.T @ orientations(there)  # as predicted in the axes of the instrument
+    known = np.isfinite(readings[:, columns]).all(axis=1) & np.isfinite(seen).all(axis=(1, 2))
     sides = () if not known.any() else (True, False) if each else (True,)
-    counted = [_Counted.of_best(readings[known], own[known], tuple(columns), first) for first in sides]
+    counted = [_Counted.of_best(readings[known], seen[known], tuple(columns), first) for first in sides]
     least = 0.0 if expected is None else GROSS * float(np.linalg.norm(expected[list(columns)]))
     counted = [c for c in counted if c.size > max(_LEAST_TURN, least)]
 
