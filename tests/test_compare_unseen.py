@@ -108,3 +108,32 @@ def test_one_parameter_stands_for_a_change_only_without_rivals(
         common=None, free=(), course=SimpleNamespace(times=(0.0, 1.0)),
     )  # fmt: skip
     assert Compared.likely(compared, 0.01) == told  # type: ignore[arg-type]
+
+
+ALIKE = """\
+units: {length: mm, angle: deg, force: N}
+space: planar
+ranges: {length: 1}
+parameters: {a: 30, b: 20}
+guides: {rail: {along: x}}
+bodies: {c: {guide: rail, at: 0, points: {tip: [a + b, b/1000]}}}
+actuators: {q: {moves: c}}
+sensors: {tracker: {at: tip, reads: [x, y], sigma: 5 um, frame: machine}}
+"""
+
+
+def test_changes_that_not_all_determine_are_drawn_as_the_table_tells_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two offsets in a row act nearly alike, so neither is determined: of 0.1 mm between two tables each takes half."""
+    monkeypatch.chdir(tmp_path)
+    Path("m.yaml").write_text(ALIKE, encoding="utf-8")
+    for name, shift in (("a", 0.0), ("b", 0.1)):
+        x, y = ([0.004 * (-1) ** (q // k) for q in range(10)] for k in (1, 2))
+        rows = [f"{q},{q + 50 + shift + x[q]:.4f},{0.02 + y[q]:.4f}" for q in range(10)]
+        Path(f"{name}.csv").write_text("q,x,y\n" + "\n".join(rows) + "\n", encoding="utf-8")
+        assert run("calibrate", "m.yaml", f"{name}.csv", "-o", f"{name}.yaml", "--holdout", "none").code == 0
+    done = run("compare", "a.yaml", "b.yaml", "--plot", "c.svg")
+    assert done.code == 1 and "\na     30.0" in done.err and "\nb     20.0" in done.err
+    drawn = Path("c.svg").read_text(encoding="utf-8")
+    assert "dot-0" in drawn and "dot-1" in drawn and drawn.count(" mm *") == 2

@@ -79,3 +79,10 @@ def test_gon_and_german_degrees_are_no_radians(unit: str, tmp_path: Path) -> Non
         read_measurements([str(tmp_path / "m.csv")], read_machine(str(MACHINES / "five-bar.yaml")))
     hint = str(caught.value.faults[0].hint)
     assert "did you mean `deg`?" in hint and "1 gon is 0.9 deg" in hint
+
+
+def test_columns_of_an_only_sensor_need_not_its_name(tmp_path: Path) -> None:
+    """With one sensor the column is `x`, with several `tracker.x`: who writes that of an only one is told its name."""
+    with pytest.raises(BadInput) as refused:
+        found(tmp_path, "q1,q2,q3,tracker.x,tracker.y", "366.025,500,633.975,450,250")
+    assert (refused.value.faults[0].hint or "").startswith("did you mean `tracker.x`? Rename it, or name it")

@@ -69,6 +69,26 @@ def test_signs_and_units_of_rotation_vectors(slip: list[float], words: str) -> N
     assert explain_frame(here, there, POINTS, NAMES, UNITS, TURNS)[0] == ()
 
 
+@pytest.mark.parametrize(
+    ("kept", "words"),
+    [
+        ("own", "`rx`, `ry`, `rz` look counted from another orientation, as from the reference pose"),
+        ("base", "`rx`, `ry`, `rz` look given in other axes"),
+    ],
+)
+def test_orientations_against_the_reference_pose_are_told(kept: str, words: str) -> None:
+    """R B R^-1 in the axes of the instrument, or B in those of the base, where R B is what it reads."""
+    here, there = seen()
+    frame = Rotation.from_rotvec([1.2, -1.4, 0.8])
+    body = Rotation.from_rotvec(there[:, 3:])
+    wrong = here.copy()
+    wrong[:, 3:] = (frame * body * frame.inv() if kept == "own" else body).as_rotvec()
+    wrong[7, 4] = np.nan
+    (hint,), _ = explain_frame(wrong, there, POINTS, NAMES, UNITS, TURNS)
+    assert hint.message.partition(": ")[0] == words and not hint.mends
+    assert "when turned by 115 deg in all rows" in hint.message and hint.after < 1e-3
+
+
 def test_what_points_on_a_line_show_of_a_turn_about_it() -> None:
     line = np.linspace(-1, 1, 5)[:, None] * np.array([1.0, 1.0, 0.0])
     assert lever(line) < 1e-12, "nothing about the line"

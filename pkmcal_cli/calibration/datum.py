@@ -36,6 +36,7 @@ _SAME = 1e-4  # of the largest singular value: fields agree
 _MOVED = 1e-3  # of what the ranges do to the base: a null direction that moves it less does not (most are nearly null)
 _FELT = 1e-3  # of a motion: shifts, rotations and a scale that have less part in it have none
 _CLEARLY, _HARDLY = 0.3, 1e-3  # share of what holding a parameter fixes that others do not
+_MUCH, _LITTLE = 1e-2, 1e-3  # of what the most moved parameter moves: what moves less holds the base hardly, or not
 _SHARE = 0.05  # a motion is named by the generators that have more than this share of it
 
 
@@ -208,13 +209,21 @@ def datum_of(problem: Problem, values: Array, directions: Directions) -> Datum |
         return None
     size = np.abs(gauge.directions).max(axis=0, initial=0.0)
     rows = {n: gauge.directions[:, k] for k, n in enumerate(directions.names) if size[k] > 1e-6 * size.max()}
-    held = _independent({n: rows[n] for n in problem.model.datum if n in rows})
+    moved = {n: row * _in_lengths(problem.model, n, directions) for n, row in rows.items()}
+    held = _independent([n for n in problem.model.datum if n in rows], moved)
     missing = len(gauge.motions) - len(held)
     several = {p.name for p in problem.model.parameters if p.session}  # which a file cannot name
     others = (n for n in rows if n not in held)
     ordered = sorted(others, key=lambda n: (n in several, -float(np.abs(rows[n]).max())))
-    proposed = _independent({n: rows[n] for n in (*held, *ordered)})
+    proposed = _independent([*held, *ordered], moved)
     return Datum(gauge, tuple(held), missing, tuple(proposed), _along(gauge, directions, held))
+
+
+def _in_lengths(model: Model, name: str, directions: Directions) -> float:
+    """What the range of a parameter moves, m, but for levers: of angles and slopes in sizes of the machine."""
+    dimension = model.parameters[model.names.index(name)].dimension
+    ranged = float(directions.ranges[directions.names.index(name)])
+    return ranged if dimension == "length" else ranged * model.length
 
 
 def _along(gauge: Gauge, directions: Directions, held: list[str]) -> HeldDatum | None:
@@ -228,20 +237,24 @@ def _along(gauge: Gauge, directions: Directions, held: list[str]) -> HeldDatum |
     return HeldDatum(tuple(held), others, moves)
 
 
-def _independent(rows: dict[str, Array]) -> list[str]:
+def _independent(names: Sequence[str], rows: dict[str, Array]) -> list[str]:
     """Names in their order whose rows are independent of those before: clearly, or at all where that is not enough.
 
-    Two coordinates of one point are nearly dependent: held together they would fix its distance as well.
+    Two coordinates of one point are nearly dependent: held together they would fix its distance as well. So would the
+    coordinate along its lever of a point that a rotation moves across it, which moves as little as it is off.
     """
+    every = np.stack(list(rows.values())).astype(float)
     chosen: list[str] = []
     basis: list[NDArray[np.float64]] = []
-    for least in (_CLEARLY, _HARDLY):
-        for name in (n for n in rows if n not in chosen):
+    for least, share in ((_CLEARLY, _MUCH), (_HARDLY, _LITTLE)):
+        for name in (n for n in names if n not in chosen):
             remainder = rows[name].astype(float)
             for known in basis:
                 remainder = remainder - (known @ remainder) * known
             length = float(np.sqrt(remainder @ remainder))
-            if length > least * float(np.sqrt(rows[name] @ rows[name])):
+            most = float(np.sqrt((every**2).sum(axis=1).max()))  # of what those before leave free
+            if length > max(least * float(np.sqrt(rows[name] @ rows[name])), share * most):
                 chosen.append(name)
                 basis.append(remainder / length)
+                every = every - np.outer(every @ basis[-1], basis[-1])
     return chosen

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pkmcal_cli.base.rotation import exp
-from pkmcal_cli.gross_errors.frame_turns import turned_back
+from pkmcal_cli.gross_errors.frame_turns import orientations, turned_back
 from pkmcal_cli.gross_errors.plausibility import FloatArray
 
 Names = tuple[str, ...]
@@ -71,14 +70,3 @@ class OtherPoint:
                 if name in names:
                     out[:, names.index(name)] -= away[:, k]
         return out
-
-
-def orientations(vectors: FloatArray) -> FloatArray:
-    """Of rotation vectors (N, 3), or angles (N, 1) in the plane; (N, d, d), nan where one is not whole."""
-    missing = np.asarray(~np.isfinite(vectors).all(axis=1))
-    whole = np.zeros((len(vectors), 3))
-    whole[:, 3 - vectors.shape[1] :] = np.where(missing[:, None], 0.0, vectors)
-    axes = 2 if vectors.shape[1] == 1 else 3
-    out = exp(whole)[:, :axes, :axes]
-    out[missing] = np.nan
-    return np.asarray(out)

@@ -191,7 +191,7 @@ def _channels(sample: Sample, rotated: bool) -> Reason:
     explanation = explain_columns(firm, predicted, names, units, sample.prior_rms)
     hints, corrected = list(explanation.hints), explanation.corrected
     for points, turns in zip(sample.frames, sample.turns, strict=True):
-        hint, changed = explain_frame(readings, predicted, points, names, units, turns)
+        hint, changed = explain_frame(readings, predicted, points, names, units, turns=turns, expected=sample.prior_rms)
         hints += hint
         columns = [k for p in (*points, *turns) for k in p]
         corrected[:, columns] = brought_back(changed, predicted, points, turns)[:, columns]

@@ -126,17 +126,18 @@ def explain_frame(
     names: Sequence[str],
     units: Sequence[str],
     turns: Turns = (),
+    expected: FloatArray | None = None,
 ) -> tuple[tuple[Hint, ...], FloatArray]:
     """What explains the readings (N, C) of one instrument where no rigid motion does: mirror image, unit, exchange.
 
     Returns hints, and the readings if these are followed. A mirror image is that of any one axis turned in sign and
     of any two exchanged: a rotation leads from one to the other, so which it was cannot be told. Orientations, `turns`,
-    are judged by the motion of the points as they are then.
+    are judged by the motion of the points as they are then; `expected` (C,): rms that ranges and noise cause.
     """
     hints, right = _explain_points(readings, predicted, points, names, units)
     if turns and (motion := motion_of(right, predicted, points)) is not None:
         for vector in turns:
-            more, right = explain_turns(right, predicted, vector, motion[0], names, units)
+            more, right = explain_turns(right, predicted, vector, motion[0], names, units, expected=expected)
             hints += more
     return hints, right
 

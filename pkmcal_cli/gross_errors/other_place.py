@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import exp, log, small_motions
-from pkmcal_cli.gross_errors.displaced import Names, OtherPlace, OtherPoint, orientations
-from pkmcal_cli.gross_errors.frame_turns import Turns
+from pkmcal_cli.gross_errors.displaced import Names, OtherPlace, OtherPoint
+from pkmcal_cli.gross_errors.frame_turns import Turns, orientations
 from pkmcal_cli.gross_errors.mirror import Points, motion_of
 from pkmcal_cli.gross_errors.plausibility import (
     BETTER,

@@ -1,4 +1,4 @@
-"""Whether the drives that are not redundant hold the platform in the whole workspace.
+"""Whether the drives hold the platform as it is drawn, and those that are not redundant in the whole workspace.
 
 Redundancy is often built in to remove singularities, so there may be poses that all drives hold together, while those
 of the substructure, to which `linear` and `rigid` refer, do not: det dq/dp of the substructure vanishes on the way.
@@ -21,6 +21,7 @@ from pkmcal_cli.model.tool_motion import DIRECTIONS
 
 _CHOICES = 500
 _SPREAD = 32  # poses over a workspace
+_HARDLY = 0.1  # of how well the platform is held about the drawing; one much smaller than its machine is held less
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,22 @@ class SingularDrives:
 
     pose: Array
     better: tuple[tuple[str, ...], ...]
+
+
+def hardly_held(model: Model) -> str | None:
+    """The coordinate that all drives together hardly hold as the machine is drawn; None where they hold all.
+
+    A drawing in or next to a singular pose, of a machine that its drives hold elsewhere: assemblies meet there, so that
+    rows about it may be solved in either.
+    """
+    if not 0 < model.motion_of(model.posed).freedoms <= len(model.held_drives):
+        return None
+    poses = model.starts
+    held = smallest_singular_value(poses.jacobian)
+    if not poses.closed[0] or held[0] >= min(REGULAR, _HARDLY * float(np.median(held[poses.closed]))):
+        return None
+    weakest = np.linalg.svd(np.nan_to_num(poses.jacobian[0]))[2][-1]
+    return model.freedoms.coordinates[int(np.argmax(np.abs(weakest)))]
 
 
 def singular_drives(model: Model) -> SingularDrives | None:

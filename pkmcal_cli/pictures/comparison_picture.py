@@ -23,11 +23,14 @@ def comparison_picture(report: ComparisonReport, titles: Titles) -> Picture:
     dots = []
     for name, value, std, known in zip(changes.names, changes.values, changes.std, changes.determined, strict=True):
         unit, size = report.unit(name), _HALVES * scale[name]
-        text = uncertain(value / unit.scale, std / unit.scale, unit.text) if known else "undetermined"
-        dots.append(Dot(name=name, value=float(value) / size if known else math.nan, text=text,
+        seen = math.isfinite(value) and math.isfinite(std)  # what not all determine rests on ranges, as in the table
+        text = uncertain(value / unit.scale, std / unit.scale, unit.text) if seen else "undetermined"
+        dots.append(Dot(name=name, value=float(value) / size if seen else math.nan,
+                        text=text if known or not seen else f"{text} *",
                         half=_COVERAGE * float(std) / size, good=name not in report.named))  # fmt: skip
+    part = "" if all(changes.determined) else "; *: not determined by all"
     per = " per day" if report.compared.course.rate else ""
-    label = f"change{per} / range, 95 % interval (open, orange: changed)"
+    label = f"change{per} / range, 95 % interval (open, orange: changed{part})"
     changed = ", ".join(report.named) or "none"
     alt = f"{report.verdict()}. Changes of {len(dots)} parameters with 95 % intervals; changed: {changed}."
     return composed("comparison", titles, alt, [dot_part(dots, Scale(label=label, line=0.0))])

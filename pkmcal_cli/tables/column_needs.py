@@ -218,10 +218,12 @@ class Needs:
                 bare = re.split(r"[(/_,]", cell.text, maxsplit=1)[0].rstrip()
                 if bare == column.header and cell.text != bare and not cell.unit:
                     return f"did you mean `{cell.text}`? Write units in square brackets: `{bare} [{column.unit_name}]`"
-            near = nearest(column.header, [cell.name for cell in cells])
+            names = [cell.name for cell in cells]
+            only = (name for name in names if name.lower().endswith(f".{column.header.lower()}"))  # sensor: no SENSOR.x
+            near = nearest(column.header, names) or next(only, None)
             if near is not None:
                 where = "`reads`" if column.role in ("channel", "target") else "`column`"
                 return f"did you mean `{near}`? Rename it, or name it in the machine file ({where})"
-        names = [f"`{cell.text}`" for cell in self.reader.header]
-        more = f" and {len(names) - 12} more" if len(names) > 12 else ""
-        return f"add the missing column; the header has {', '.join(names[:12])}{more}"
+        there = [f"`{cell.text}`" for cell in self.reader.header]
+        more = f" and {len(there) - 12} more" if len(there) > 12 else ""
+        return f"add the missing column; the header has {', '.join(there[:12])}{more}"

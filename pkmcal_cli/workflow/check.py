@@ -14,7 +14,7 @@ from pkmcal_cli.base.plural import count, listed
 from pkmcal_cli.compiler.assemble import coordinate_name
 from pkmcal_cli.compiler.paths import path_of
 from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine, load_parameters
-from pkmcal_cli.model.singular_drives import singular_drives
+from pkmcal_cli.model.singular_drives import hardly_held, singular_drives
 from pkmcal_cli.prediction.drawn_stability import unstable_motion
 from pkmcal_cli.prediction.influence import idle_parameters
 from pkmcal_cli.report.console import Reporter, emit_json, enveloped
@@ -111,7 +111,7 @@ def _show_machine(loaded: LoadedMachine, request: CheckRequest, to: Reporter) ->
     result = machine_json(loaded.machine, loaded.compiled)
     show_machine(to, loaded.machine, loaded.compiled, result, tables=request.parameters is None)
     unstable = unstable_faults(loaded)
-    warnings = [*loaded.remarks, *loaded.warnings, *_substructure_fault(loaded)]
+    warnings = [*loaded.remarks, *loaded.warnings, *_singular_fault(loaded), *_substructure_fault(loaded)]
     warnings += [f for f in unstable if f.severity == "warning"]
     for fault in warnings:
         to.warn(fault)
@@ -196,6 +196,19 @@ def _json(fault: Fault) -> dict[str, Any]:
         "column": (where.column or None) if where else None,
         "help": fault.hint,
     }
+
+
+def _singular_fault(loaded: LoadedMachine) -> list[Fault]:
+    """A warning where the drawing is in or next to a singular pose of all drives together."""
+    name = hardly_held(loaded.model)
+    if name is None:
+        return []
+    message = f"as drawn, the drives hardly hold the platform in {name}: a singular pose is next to it"
+    hint = (
+        "two assemblies meet there, and rows may be solved in the wrong one: draw a pose in the middle of the "
+        "workspace, in the assembly that the machine has (`pkmcal draw` shows it)"
+    )
+    return [loaded.machine.source.fault("singular", message, ("actuators",), hint, at_key=True, warning=True)]
 
 
 def _substructure_fault(loaded: LoadedMachine) -> list[Fault]:
