@@ -4,9 +4,11 @@ The true offset of a parameter, in half ranges, is normal with variance tau^2 / 
 kind (length, angle, stiffness, zero of a drive); w to the parameter alone, so one that is wild widens no other (1 for
 those that are not identified, of which nothing is learned). The variance of an instrument's noise is phi times what is
 stated. A weak prior says that what is stated is right: tau log-normal about 1 (two of three are within a factor of 2
-either way, and one of a thousand is too small by any factor: a wrong unit), w about 1 with 10 degrees of freedom, phi
-with what the stated sigma is worth. The problem is linear here, so all is drawn by Gibbs sampling (Gelman et al. 2013,
-Bayesian Data Analysis, ch. 11), tau on a grid (Ritter and Tanner 1992), always with the same random numbers.
+either way, and one of a thousand is too small by any factor: a wrong unit), w about 1 with 10 degrees of freedom, but
+one parameter of fifty is wild, off by 4 to 16,000 times as much as its kind: a slip (where the data tell that it is
+off; else its range is believed); phi with what the stated sigma is worth. The problem is linear here, so all is drawn
+by Gibbs sampling (Gelman et al. 2013, Bayesian Data Analysis, ch. 11), tau on a grid (Ritter and Tanner 1992), always
+with the same random numbers.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import gammaln
 
 from pkmcal_cli.base.rotation import Array
 
@@ -31,6 +34,11 @@ LOG_PRIOR = np.log(
 """Logarithms of their density before the data."""
 _HALF_PRECISION = 0.5 * np.exp(-2.0 * LOG_TAU)
 _OWN_FREEDOM = 10.0
+_STUDENT = np.exp(gammaln((_OWN_FREEDOM + 1) / 2) - gammaln(_OWN_FREEDOM / 2)) / np.sqrt(_OWN_FREEDOM * np.pi)
+_WILD = 0.02  # share of parameters that are off by any factor
+_WILDER = 4.0 ** np.arange(1, 8)
+"""By what they are off more than their kind, each as likely as any other."""
+_SHOWN = 3.0  # standard uncertainties by which a wild one is off at least
 _ROUNDING = 1e-13  # of the largest information: in what is not seen, wide offsets leave no more
 _CHAINS, _STEPS, _WARMING = 40, 35, 10
 _ENTRIES = 2e6  # of the matrices of chains that are worked on together
@@ -116,6 +124,14 @@ class Evidence:
             estimated=self.estimated[offsets],
         )
 
+    @property
+    def far(self) -> NDArray[np.bool_]:
+        """Offsets (q,) that are there by the data, if ranges and noise are as stated: others are not asked how far."""
+        information = self.information.sum(axis=0)
+        covariance = np.linalg.inv(np.eye(len(self.centre)) + information)
+        offsets = covariance @ (self.score.sum(axis=0) + information @ self.centre)
+        return np.asarray(self.estimated & (np.abs(offsets) > _SHOWN * np.sqrt(np.diag(covariance))))
+
     def tamed(self) -> Evidence:
         """The same, but nothing is known so well that rounding would matter."""
         size, vectors = np.linalg.eigh(self.information.sum(axis=0))
@@ -166,19 +182,20 @@ def _order(evidence: Evidence) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 def _drawn(evidence: Evidence, begin: Array, seed: int) -> Scales:
     rng, tamed = np.random.default_rng(seed), evidence.tamed()
+    far = tamed.far
     kinds, kind_of = np.unique(tamed.kinds, return_inverse=True)
     shape = (_CHAINS, len(kind_of))
     first = [begin[kind_of == k].max() ** 2 for k in range(len(kinds))]
-    tau2, student_weights = np.tile(first, (_CHAINS, 1)), np.ones(shape)
+    tau2, weights = np.tile(first, (_CHAINS, 1)), np.ones(shape)
     noise = np.ones((_CHAINS, len(tamed.counts)))
     drawn: list[tuple[Array, Array, Array]] = []
     for step in range(_STEPS):
-        offsets = _offsets(rng, tamed, tau2[:, kind_of] / student_weights, noise)
-        student_weights = np.where(tamed.estimated, _student_weights(rng, offsets**2 / tau2[:, kind_of]), 1.0)
-        tau2 = _of_kinds(rng, student_weights * offsets**2 * tamed.estimated, kind_of, tamed.estimated, len(kinds))
+        offsets = _offsets(rng, tamed, tau2[:, kind_of] / weights, noise)
+        weights = np.where(tamed.estimated, _weights(rng, offsets**2 / tau2[:, kind_of], far), 1.0)
+        tau2 = _of_kinds(rng, weights * offsets**2 * tamed.estimated, kind_of, tamed.estimated, len(kinds))
         noise = _of_instruments(rng, tamed, offsets)
         if step >= _WARMING:
-            drawn.append((tau2[:, kind_of] / student_weights, noise, np.sqrt(tau2)))
+            drawn.append((tau2[:, kind_of] / weights, noise, np.sqrt(tau2)))
     variances, noises, taus = (np.concatenate(part) for part in zip(*drawn, strict=True))
     return Scales(variances=variances, noise=noises, factors=dict(zip(kinds.tolist(), taus.T, strict=True)))
 
@@ -211,9 +228,15 @@ def _of_instruments(rng: np.random.Generator, evidence: Evidence, offsets: Array
     return np.where(np.isfinite(evidence.freedom), drawn, 1.0)
 
 
-def _student_weights(rng: np.random.Generator, squares: Array) -> Array:
-    """Weights w (M, q) given squared offsets in tau."""
-    return np.asarray(rng.gamma((_OWN_FREEDOM + 1) / 2, 2 / (_OWN_FREEDOM + squares)))
+def _weights(rng: np.random.Generator, squares: Array, far: NDArray[np.bool_]) -> Array:
+    """Weights w (M, q) given squared offsets in tau: of Student's distribution; where `far` (q,), or of a wider one."""
+    usual = rng.gamma((_OWN_FREEDOM + 1) / 2, 2 / (_OWN_FREEDOM + squares))
+    tame = (1.0 - _WILD) * _STUDENT * (1.0 + squares / _OWN_FREEDOM) ** (-(_OWN_FREEDOM + 1) / 2)
+    wild = np.exp(-0.5 * squares[..., None] / _WILDER**2) / (_WILDER * np.sqrt(2.0 * np.pi))
+    wild *= _WILD / len(_WILDER) * far[:, None]
+    below = np.concatenate([tame[..., None], wild], axis=-1).cumsum(axis=-1)  # (M, q, 1 + scales)
+    chosen = (below < below[..., -1:] * rng.random((*squares.shape, 1))).sum(axis=-1)
+    return np.where(chosen == 0, usual, np.append(np.nan, _WILDER**-2)[chosen])
 
 
 def _of_kinds(
