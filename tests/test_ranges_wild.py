@@ -25,3 +25,12 @@ def test_a_nominal_value_that_is_wrong_widens_no_other(off: float, tmp_path: Pat
         error = abs(wrong[name]["value"] - right[name]["value"])
         assert error < 2.0 * (wrong[name]["std"] ** 2 + right[name]["std"] ** 2) ** 0.5, name
     assert abs(wrong["l1"]["value"] - right["l1"]["value"]) < 3.0 * wrong["l1"]["std"]
+
+
+def test_that_others_count_as_stated_is_said(tmp_path: Path) -> None:
+    """And not that ranges are multiplied by 1; the value itself is no longer to be believed without a look."""
+    (tmp_path / "m.yaml").write_text(f"extends: {MACHINES}/triglide.yaml\nparameters: {{l1: {{nominal: 301}}}}\n")
+    done = run("calibrate", tmp_path / "m.yaml", TRIGLIDE_DATA, "--holdout", "none")
+    assert "A few parameters are further off nominal than their ranges say (p < 1e-12): l1 (10.4), " in done.err
+    assert "The ranges of the others count as stated\n" in done.err and "ranges times" not in done.err
+    assert done.code == 1 and "because: values many ranges off nominal: l1 (10)" in done.err

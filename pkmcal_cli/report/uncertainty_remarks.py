@@ -19,7 +19,7 @@ from pkmcal_cli.report.number_format import finite
 
 HELD = "held adds"
 _LISTED = 4
-_LITTLE = 0.7  # factor on a sigma that is worth a word
+_LITTLE = 0.7  # factor on a sigma, or on the ranges of a kind, that is worth a word
 _EXPLAINED = 0.5  # share of chi-square from which on what explains it is worth a word
 
 
@@ -39,6 +39,9 @@ def ranges_text(checked: RangeCheck) -> str:
     named = [f"{name} ({abs(z) / 2:.1f})" for name, z in list(checked.far.items())[:_LISTED]]
     most = f"; furthest, in ranges: {', '.join(named)}" if named else ""
     chance = "< 1e-12" if checked.p_value < 1e-12 else f"= {checked.p_value:.1g}"
+    if named and all(_LITTLE < checked.factors[kind] < 1 / _LITTLE for kind in checked.kinds):
+        few = f"A few parameters are further off nominal than their ranges say (p {chance}): {', '.join(named)} ranges"
+        return f"{few}. The ranges of the others count as stated"
     return (
         f"The ranges do not fit how far parameters are off nominal (p {chance}). "
         f"Uncertainties are computed with ranges times: {', '.join(parts)}{most}"
