@@ -204,7 +204,7 @@ def test_wrong_drive_columns_are_named_before_the_rows_that_they_spoil(old: str,
     """Where rows have no solution, the drives are compared with where they should be at the measured poses."""
     Path("m.csv").write_text(Path(TRIGLIDE_DATA).read_text().replace(old, new))
     done = run("check", TRIGLIDE, "m.csv", "-q")
-    assert done.code == 1 and done.err.startswith(f"error[plausibility]: {told}")
+    assert done.code == 1 and done.err.startswith(f"m.csv: error[plausibility]: {told}")
     fit = run("calibrate", TRIGLIDE, "m.csv", "--holdout", "none")
     assert fit.code == 3 and f"warning: {told}" in fit.err
 

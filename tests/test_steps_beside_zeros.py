@@ -57,7 +57,7 @@ def test_steps_are_told_beside_unknown_zeros(mistake: str, tmp_path: Path) -> No
     change, words = WRONG[mistake]
     done = clean(run("check", *table(tmp_path, change)))
     assert done.code == 1 and words in done.err, done.err
-    assert not any("`q2`" in line and "steps" in line for line in done.err.splitlines()), done.err
+    assert not any("`q2`" in line and "its steps" in line for line in done.err.splitlines()), done.err
 
 
 def test_other_zeros_are_no_mistake(tmp_path: Path) -> None:

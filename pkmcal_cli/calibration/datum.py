@@ -220,10 +220,11 @@ def datum_of(problem: Problem, values: Array, directions: Directions) -> Datum |
 
 
 def _in_lengths(model: Model, name: str, directions: Directions) -> float:
-    """What the range of a parameter moves, m, but for levers: of angles and slopes in sizes of the machine."""
+    """What the range of a parameter moves, m, but for levers: of angles and slopes in sizes of the machine. Stiffnesses
+    and weights move nothing."""
+    levers = {"length": 1.0, "angle": model.length, "number": model.length}
     dimension = model.parameters[model.names.index(name)].dimension
-    ranged = float(directions.ranges[directions.names.index(name)])
-    return ranged if dimension == "length" else ranged * model.length
+    return float(directions.ranges[directions.names.index(name)]) * levers.get(dimension, 0.0)
 
 
 def _along(gauge: Gauge, directions: Directions, held: list[str]) -> HeldDatum | None:

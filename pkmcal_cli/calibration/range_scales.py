@@ -13,13 +13,13 @@ with the same random numbers.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaln
 
 from pkmcal_cli.base.rotation import Array
 
@@ -34,11 +34,11 @@ LOG_PRIOR = np.log(
 """Logarithms of their density before the data."""
 _HALF_PRECISION = 0.5 * np.exp(-2.0 * LOG_TAU)
 _OWN_FREEDOM = 10.0
-_STUDENT = np.exp(gammaln((_OWN_FREEDOM + 1) / 2) - gammaln(_OWN_FREEDOM / 2)) / np.sqrt(_OWN_FREEDOM * np.pi)
+_STUDENT = math.gamma((_OWN_FREEDOM + 1) / 2) / math.gamma(_OWN_FREEDOM / 2) / math.sqrt(_OWN_FREEDOM * math.pi)
 _WILD = 0.02  # share of parameters that are off by any factor
 _WILDER = 4.0 ** np.arange(1, 8)
 """By what they are off more than their kind, each as likely as any other."""
-_SHOWN = 3.0  # standard uncertainties by which a wild one is off at least
+_FAR = 3.0  # half ranges by which a wild one is off at least
 _ROUNDING = 1e-13  # of the largest information: in what is not seen, wide offsets leave no more
 _CHAINS, _STEPS, _WARMING = 40, 35, 10
 _ENTRIES = 2e6  # of the matrices of chains that are worked on together
@@ -126,11 +126,11 @@ class Evidence:
 
     @property
     def far(self) -> NDArray[np.bool_]:
-        """Offsets (q,) that are there by the data, if ranges and noise are as stated: others are not asked how far."""
+        """Offsets (q,) far beyond their ranges, were ranges and noise as stated: others are not asked how far."""
         information = self.information.sum(axis=0)
-        covariance = np.linalg.inv(np.eye(len(self.centre)) + information)
-        offsets = covariance @ (self.score.sum(axis=0) + information @ self.centre)
-        return np.asarray(self.estimated & (np.abs(offsets) > _SHOWN * np.sqrt(np.diag(covariance))))
+        pulled = self.score.sum(axis=0) + information @ self.centre
+        offsets = np.linalg.solve(np.eye(len(pulled)) + information, pulled)
+        return np.asarray(self.estimated & (np.abs(offsets) > _FAR))
 
     def tamed(self) -> Evidence:
         """The same, but nothing is known so well that rounding would matter."""
@@ -230,13 +230,16 @@ def _of_instruments(rng: np.random.Generator, evidence: Evidence, offsets: Array
 
 def _weights(rng: np.random.Generator, squares: Array, far: NDArray[np.bool_]) -> Array:
     """Weights w (M, q) given squared offsets in tau: of Student's distribution; where `far` (q,), or of a wider one."""
-    usual = rng.gamma((_OWN_FREEDOM + 1) / 2, 2 / (_OWN_FREEDOM + squares))
+    weights = np.asarray(rng.gamma((_OWN_FREEDOM + 1) / 2, 2 / (_OWN_FREEDOM + squares)))
+    if not far.any():
+        return weights
+    squares = squares[:, far]
     tame = (1.0 - _WILD) * _STUDENT * (1.0 + squares / _OWN_FREEDOM) ** (-(_OWN_FREEDOM + 1) / 2)
-    wild = np.exp(-0.5 * squares[..., None] / _WILDER**2) / (_WILDER * np.sqrt(2.0 * np.pi))
-    wild *= _WILD / len(_WILDER) * far[:, None]
-    below = np.concatenate([tame[..., None], wild], axis=-1).cumsum(axis=-1)  # (M, q, 1 + scales)
+    wild = _WILD / len(_WILDER) * np.exp(-0.5 * squares[..., None] / _WILDER**2) / (_WILDER * np.sqrt(2.0 * np.pi))
+    below = np.concatenate([tame[..., None], wild], axis=-1).cumsum(axis=-1)  # (M, far, 1 + scales)
     chosen = (below < below[..., -1:] * rng.random((*squares.shape, 1))).sum(axis=-1)
-    return np.where(chosen == 0, usual, np.append(np.nan, _WILDER**-2)[chosen])
+    weights[:, far] = np.where(chosen == 0, weights[:, far], np.append(np.nan, _WILDER**-2)[chosen])
+    return weights
 
 
 def _of_kinds(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.base.even_points import even_points
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.equilibrium.kinematics import point_poses
+from pkmcal_cli.equilibrium.kinematics import point_poses, reference_state
 from pkmcal_cli.model.freedoms import REGULAR, ClosedPoses, smallest_singular_value
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_motion import DIRECTIONS
@@ -44,6 +44,10 @@ def hardly_held(model: Model) -> str | None:
     """
     if not 0 < model.motion_of(model.posed).freedoms <= len(model.held_drives):
         return None
+    state = reference_state(model.topology, model.reference_coefficients, 1, model.freedoms.system.constraints)
+    drawn = model.freedoms.reached(model.reference_coefficients, state, np.zeros((0, len(model.freedoms.home))))
+    if not drawn.closed[0] or smallest_singular_value(drawn.jacobian)[0] >= REGULAR:
+        return None  # most machines, at little cost
     poses = model.starts
     held = smallest_singular_value(poses.jacobian)
     if not poses.closed[0] or held[0] >= min(REGULAR, _HARDLY * float(np.median(held[poses.closed]))):
