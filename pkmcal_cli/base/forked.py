@@ -1,6 +1,6 @@
 """Calls in copies of this process, which have all that it has imported; where the system makes such copies safely.
 
-A process that starts anew imports for most of a second first: of 200 calibrations as much as 30 take.
+A process that starts anew imports for most of a second first, as long as 14 calibrations of the Scissors take.
 """
 
 from __future__ import annotations

@@ -5,10 +5,10 @@ kind (length, angle, stiffness, zero of a drive); w to the parameter alone, so o
 those that are not identified, of which nothing is learned). The variance of an instrument's noise is phi times what is
 stated. A weak prior says that what is stated is right: tau log-normal about 1 (two of three are within a factor of 2
 either way, and one of a thousand is too small by any factor: a wrong unit), w about 1 with 10 degrees of freedom, but
-one parameter of fifty is wild, off by 4 to 16,000 times as much as its kind: a slip (where the data tell that it is
-off; else its range is believed); phi with what the stated sigma is worth. The problem is linear here, so all is drawn
-by Gibbs sampling (Gelman et al. 2013, Bayesian Data Analysis, ch. 11), tau on a grid (Ritter and Tanner 1992), always
-with the same random numbers.
+one parameter of fifty is wild, off by 4 to 16,000 times as much as its kind: a slip (where it is beyond three half
+ranges by the data and the ranges as stated; else its range is believed); phi with what the stated sigma is worth. The
+problem is linear here, so all is drawn by Gibbs sampling (Gelman et al. 2013, Bayesian Data Analysis, ch. 11), tau on
+a grid (Ritter and Tanner 1992), always with the same random numbers.
 """
 
 from __future__ import annotations
