@@ -183,7 +183,7 @@ def _descent(task: _Task, kept: Problem, begin: Evaluation, failed: Mapping[int,
     while len(chi2) < task.iterations and not stopped:
         near = condensed(kept, end)
         chi2.append(near.chi2)
-        if task.patience.ends(near.chi2, len(chi2) - 1):
+        if task.patience.ends(chi2):
             stopped = ABANDONED
             break
         end, region, stopped = advance(kept, task.scale, end, near, region, task.patience, compare=compare)

@@ -42,7 +42,7 @@ def refit(search: Search, starts: Mapping[Hypothesis, Array], expected: float = 
             k = search.problem.model.names.index(name)
             if name in hypothesis.unknown:
                 start[k] = near[k] = np.clip(null[k] + value, *search.problem.bounds[k])
-    fit = _converged_fit(search, start, search.fit.before.start)
+    fit = _converged_fit(search, start, search.fit.before.start, _LOST * expected)
     if fit is not None and fit.chi2 < _LOST * expected:
         return fit
     return _better(fit, _converged_fit(search, near, search.fit.after.start))
@@ -56,9 +56,9 @@ def _near(search: Search) -> Array:
     return near
 
 
-def _converged_fit(search: Search, start: Array, states: WarmStart) -> Fit | None:
-    """A fit from values (P,), and from states of rows near those there."""
-    patience = replace(COMPARED, chi2=_HOPELESS * search.fit.chi2)
+def _converged_fit(search: Search, start: Array, states: WarmStart, hoped: float = np.inf) -> Fit | None:
+    """A fit from values (P,), and from states of rows near those there; not one that creeps above what is hoped for."""
+    patience = replace(COMPARED, chi2=_HOPELESS * search.fit.chi2, hoped=hoped)
     start, states = _predicted(search, start, states)
     try:
         fit = identify(search.unheld, search.selected, start, _STEPS, states=states, patience=patience)

@@ -24,6 +24,7 @@ from pkmcal_cli.gross_errors.drive_zeros import explain_steps, explain_zeros
 from pkmcal_cli.gross_errors.force_columns import explain_forces
 from pkmcal_cli.gross_errors.late_drives import explain_late_drives
 from pkmcal_cli.gross_errors.mirror import brought_back, explain_frame
+from pkmcal_cli.gross_errors.orientation_convention import explain_conventions
 from pkmcal_cli.gross_errors.other_place import explain_place
 from pkmcal_cli.gross_errors.other_reflector import explain_reflectors
 from pkmcal_cli.gross_errors.permuted import permuted_rows
@@ -157,7 +158,8 @@ def _reasons(table: _Table) -> list[Reason]:
             hints, before = explain_by_prediction(sample, values, table.sessions)
             reasons += [Reason((h,), before, h.after) for h in hints]
     explained = any(r.complete and not sample.still_gross(r.hints) for r in reasons)
-    return reasons if explained else [*reasons, Reason(*explain_place(sample))]
+    more = (explain_conventions, explain_place)
+    return reasons if explained else [*reasons, *(Reason(*explain(sample)) for explain in more)]
 
 
 def _of_drives(problem: Problem, reason: Reason) -> bool:

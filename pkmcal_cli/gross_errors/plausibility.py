@@ -18,7 +18,8 @@ from pkmcal_cli.units.mistaken_units import factors_of, unit_words
 
 FloatArray = NDArray[np.float64]
 Kind = Literal[
-    "swapped", "rotated", "moved", "unit", "sign", "mirrored", "offset", "rows", "copies", "limits", "repeated"
+    "swapped", "rotated", "moved", "unit", "sign", "mirrored", "offset", "rows", "copies", "limits", "repeated",
+    "convention",
 ]
 
 BETTER = 0.2  # an explanation leaves at most this share of the residual

@@ -16,7 +16,7 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate
 from pkmcal_cli.gross_errors.frame_turns import lever
 from pkmcal_cli.gross_errors.mirror import MORE_THAN_AXES, brought_back
-from pkmcal_cli.gross_errors.plausibility import FEW, GROSS, Hint, rms, spread
+from pkmcal_cli.gross_errors.plausibility import FEW, GROSS, Hint, misfit, rms, spread
 from pkmcal_cli.prediction import WarmStart
 
 IntArray = NDArray[np.intp]
@@ -113,6 +113,17 @@ class Sample:
         each = np.where(np.isfinite(relative), relative, 0.0).max(axis=1, initial=0.0)
         each = np.where(self.evaluation.prediction.solved, each, np.inf)[known]
         return self.gross and len(each) >= _FEWEST and int((each > GROSS).sum()) <= max(1, int(_FEW * len(each)))
+
+    def misfits(self, corrected: Array) -> tuple[float, float]:
+        """How far the sample is off as it was read, and as it is put right (n, C).
+
+        By channels that vary more than errors of parameters cause, or are off by more.
+        """
+        tables = [self.compared(table, self.predicted) for table in (self.readings, corrected)]
+        off = np.array([rms(left) for left in (tables[0] - self.predicted).T])
+        judged = self.informative | (off > GROSS * self.prior_rms)
+        before, after = (np.where(judged, table, np.nan) for table in tables)
+        return misfit(before, self.predicted, before), misfit(after, self.predicted, before)
 
     @cached_property
     def readings(self) -> Array:

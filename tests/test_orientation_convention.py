@@ -1,0 +1,96 @@
+"""Angles of turns and quaternions in columns of rotation vectors are told as that, by rotations of another library."""
+
+from __future__ import annotations
+
+import re
+from itertools import permutations
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.spatial.transform import Rotation
+
+from pkmcal_cli.gross_errors.orientation_convention import CONVENTIONS, rotation_vectors
+from pkmcal_cli.loading.load_machine import load_machine
+from pkmcal_cli.prediction import Rows, predict
+from tests.command import MACHINES, run
+
+ORDERS = ["".join(order) for order in permutations("xyz")]
+TURNS, PLACES = ["rx [rad]", "ry [rad]", "rz [rad]"], ["x [mm]", "y [mm]", "z [mm]"]
+HEXAPOD, TABLE = MACHINES / "hexapod7.yaml", MACHINES / "hexapod7.csv"
+
+
+def angles(rotation: Rotation, order: str) -> np.ndarray:
+    """Angles (N, 3), in the order x, y, z, of turns about the fixed axes in this order."""
+    return rotation.as_euler(order)[:, [order.index(axis) for axis in "xyz"]]
+
+
+def written(folder: Path, change: str) -> Path:
+    """The shipped table of the hexapod with orientations in another convention."""
+    table, path = pd.read_csv(TABLE), folder / "other.csv"
+    rotation = Rotation.from_rotvec(table[TURNS].to_numpy())
+    table[TURNS] = rotation.as_quat()[:, :3] if change == "quaternion" else angles(rotation, change)
+    table.to_csv(path, index=False)
+    return path
+
+
+@pytest.mark.parametrize("convention", CONVENTIONS)
+def test_rotation_vectors_are_those_of_another_library(convention: str) -> None:
+    vectors = np.random.default_rng(3).uniform(-1.2, 1.2, (40, 3))
+    rotation = Rotation.from_rotvec(vectors)
+    quaternion = rotation.as_quat(canonical=True)[:, :3]
+    read = quaternion if convention == "quaternion" else angles(rotation, convention)
+    np.testing.assert_allclose(rotation_vectors(read, convention), vectors, atol=1e-14)
+
+
+def test_what_is_no_orientation_stays_unknown() -> None:
+    read = np.array([[0.1, np.nan, 0.2], [0.8, 0.8, 0.8], [0.0, 0.0, 0.0]])
+    assert np.isnan(rotation_vectors(read, "quaternion")[:2]).all()
+    assert np.isnan(rotation_vectors(read, "xyz")[0]).all()
+    for convention in CONVENTIONS:
+        np.testing.assert_array_equal(rotation_vectors(read, convention)[2], 0.0)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_the_order_of_the_turns_is_told(order: str, tmp_path: Path) -> None:
+    told = run("check", HEXAPOD, written(tmp_path, order)).err
+    assert f"look like angles of turns about the fixed axes {', then '.join(order)}, not like" in told, told
+
+
+def test_a_quaternion_is_told(tmp_path: Path) -> None:
+    told = run("check", HEXAPOD, written(tmp_path, "quaternion")).err
+    assert "`rx`, `ry`, `rz` look like the vector part of a quaternion" in told, told
+
+
+def test_a_diagnosis_goes_on_with_rotation_vectors(tmp_path: Path) -> None:
+    """With them nothing is left but the noise: 5 um of position."""
+    done = run("diagnose", HEXAPOD, written(tmp_path, "zyx"))
+    assert done.code == 1
+    assert "the measurement is at fault: `rx`, `ry`, `rz` look like angles" in done.out + done.err
+    share = re.search(r"are ([\d.]+) times the stated noise", done.out + done.err)
+    assert share is not None and float(share[1]) < 1.2
+
+
+def test_an_instrument_that_stands_anywhere_shows_it_by_its_points(tmp_path: Path) -> None:
+    machine, path = tmp_path / "machine.yaml", tmp_path / "turned.csv"
+    machine.write_text(HEXAPOD.read_text().replace("frame: machine", "frame: fitted"))
+    table = pd.read_csv(TABLE)
+    frame = Rotation.from_rotvec([0.7, -1.1, 0.4])
+    table[PLACES] = frame.apply(table[PLACES].to_numpy()) + np.array([300.0, -200.0, 100.0])
+    table[TURNS] = angles(frame * Rotation.from_rotvec(table[TURNS].to_numpy()), "xyz")
+    table.to_csv(path, index=False)
+    told = run("check", machine, path).err
+    assert "look like angles of turns about the fixed axes x, then y, then z, not like" in told, told
+
+
+@pytest.mark.parametrize("off", [{"b1x": 5e-3}, {"p3z": -8e-3, "b5y": 4e-3}])
+def test_a_machine_that_is_off_has_no_other_convention(off: dict[str, float], tmp_path: Path) -> None:
+    """Places of joints that are 40 and 80 ranges off, m, turn the platform."""
+    path, table, model = tmp_path / "off.csv", pd.read_csv(TABLE), load_machine(str(HEXAPOD)).model
+    values = model.nominal + np.array([off.get(p.name, 0.0) for p in model.parameters])
+    read = predict(model, values, Rows.at(table.filter(regex="^q").to_numpy() * 1e-3)).values
+    table[PLACES], table[TURNS] = read[:, :3] * 1e3, read[:, 3:]
+    table.to_csv(path, index=False)
+    told = run("check", HEXAPOD, path).err
+    assert "not like a rotation vector" not in told, told
