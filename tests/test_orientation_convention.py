@@ -84,6 +84,18 @@ def test_an_instrument_that_stands_anywhere_shows_it_by_its_points(tmp_path: Pat
     assert "look like angles of turns about the fixed axes x, then y, then z, not like" in told, told
 
 
+def test_turns_of_two_degrees_show_it_as_well(tmp_path: Path) -> None:
+    """Conventions differ by less than ranges explain, 0.3 mrad, but not as parameters would have it."""
+    machine, path = tmp_path / "machine.yaml", tmp_path / "small.csv"
+    machine.write_text(HEXAPOD.read_text().replace("8.5 deg", "2.5 deg"))
+    assert run("simulate", machine, "--grid", "60", "--noise", "declared", "-o", path).code == 0
+    table = pd.read_csv(path)
+    assert "not like a rotation vector" not in run("check", machine, path).err
+    table[TURNS] = angles(Rotation.from_rotvec(table[TURNS].to_numpy()), "zyx")
+    table.to_csv(path, index=False)
+    assert "fixed axes z, then y, then x, not like a rotation vector" in run("check", machine, path).err
+
+
 @pytest.mark.parametrize("off", [{"b1x": 5e-3}, {"p3z": -8e-3, "b5y": 4e-3}])
 def test_a_machine_that_is_off_has_no_other_convention(off: dict[str, float], tmp_path: Path) -> None:
     """Places of joints that are 40 and 80 ranges off, m, turn the platform."""

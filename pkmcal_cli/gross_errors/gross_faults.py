@@ -124,6 +124,8 @@ def _suspected(table: _Table) -> tuple[Hint, ...]:
     sample, row_origin, forces = table.sample, table.row_origin, explain_forces(table.sample)
     if any(h.before == np.inf for h in forces):
         return forces  # no row says anything else
+    if conventions := explain_conventions(sample):
+        return (*conventions, *forces)
     looked_at = sample.gross and not sample.few_rows_off
     chosen = _chosen([r for r in _reasons(table) if r.hints]) if looked_at else ()
     if not chosen and (sample.mostly_lost or not sample.informative.all()):  # unknown zeros explain all but the steps
@@ -158,8 +160,7 @@ def _reasons(table: _Table) -> list[Reason]:
             hints, before = explain_by_prediction(sample, values, table.sessions)
             reasons += [Reason((h,), before, h.after) for h in hints]
     explained = any(r.complete and not sample.still_gross(r.hints) for r in reasons)
-    more = (explain_conventions, explain_place)
-    return reasons if explained else [*reasons, *(Reason(*explain(sample)) for explain in more)]
+    return reasons if explained else [*reasons, Reason(*explain_place(sample))]
 
 
 def _of_drives(problem: Problem, reason: Reason) -> bool:

@@ -22,7 +22,7 @@ _QUATERNION = "quaternion"
 CONVENTIONS = (*("".join(order) for order in permutations(_AXES)), _QUATERNION)
 """Axes of the instrument about which the body turns one after the other, those of most controllers first; and the
 vector part of a unit quaternion."""
-_AS_WELL = 1.5  # times what the best convention leaves: the table does not tell another one from it
+_AS_WELL = 2.0  # times the chi-square that the best convention leaves: the table does not tell another one from it
 
 
 def rotation_vectors(read: FloatArray, convention: str) -> FloatArray:
@@ -54,41 +54,32 @@ class OtherConvention:
         return out
 
 
-def explain_conventions(sample: Sample) -> tuple[tuple[Hint, ...], float, float]:
-    """Orientations in space that another convention explains.
-
-    Returns hints, and the misfit before and after they are followed.
-    """
+def explain_conventions(sample: Sample) -> tuple[Hint, ...]:
+    """Orientations in space that another convention explains, beside errors of parameters and noise."""
     every = [turn for turns in (*sample.turns, *(turns for _, turns in sample.standing.values())) for turn in turns]
-    hints, corrected = list[Hint](), sample.readings
-    for columns in (turn for turn in every if len(turn) == len(_AXES)):
-        if (hint := _hint(sample, columns)) is not None:
-            hints.append(hint)
-            corrected = hint.places[0].put_back(corrected, [c.name for c in sample.part.model.channels])
-    return tuple(hints), *sample.misfits(corrected)
+    hints = (_hint(sample, columns) for columns in every if len(columns) == len(_AXES))
+    return tuple(hint for hint in hints if hint is not None)
 
 
 def _hint(sample: Sample, columns: Sequence[int]) -> Hint | None:
     """The convention of some columns of a sample; None where these are rotation vectors, or no better in any other."""
-    model = sample.part.model
+    model, readings = sample.part.model, sample.readings
+    if int(np.isfinite(readings[:, columns]).all(axis=1).sum()) < FEW:
+        return None
     names = [c.name for c in model.channels]
     vector = tuple(names[k] for k in columns)
     ways = [OtherConvention(vector, convention) for convention in CONVENTIONS]
-
-    def left(table: FloatArray) -> float:
-        apart = (sample.compared(table, sample.predicted) - sample.predicted)[:, list(columns)]
-        return rms(apart) if int(np.isfinite(apart).all(axis=1).sum()) >= FEW else np.inf
-
-    before, after = left(sample.readings), [left(way.put_back(sample.readings, names)) for way in ways]
-    least = min(after)
-    if not GROSS * rms(sample.prior_rms[list(columns)]) < before < np.inf or least > BETTER * before:
+    tables = [way.put_back(readings, names) for way in ways]
+    before, *after = sample.unexplained([readings, *tables])
+    best = int(np.argmin(after))
+    if not GROSS**2 < before < np.inf or after[best] > BETTER**2 * before:
         return None
-    alike = [way for way, rest in zip(ways, after, strict=True) if rest <= _AS_WELL * least]
-    quoted = ", ".join(f"`{n}`" for n in vector)
-    proof = evidence(parse_unit(model.channels[columns[0]].unit), before, least)
-    message = f"{quoted} look like {_words(alike)}, not like a rotation vector: {proof} as that"
-    message += "; convert them to the rotation vector, axis times angle, or leave them out"
-    return Hint(kind="convention", names=vector, message=message, before=before, after=least, places=(alike[0],))
+    alike = [way for way, left in zip(ways, after, strict=True) if left <= _AS_WELL * after[best]]
+    off = [rms((sample.compared(t, sample.predicted) - sample.predicted)[:, columns]) for t in (readings, tables[best])]
+    proof = evidence(parse_unit(model.channels[columns[0]].unit), *off)
+    message = f"{', '.join(f'`{n}`' for n in vector)} look like {_words(alike)}, not like a rotation vector: {proof} "
+    message += "as that; convert them to the rotation vector, axis times angle, or leave them out"
+    return Hint(kind="convention", names=vector, message=message, before=off[0], after=off[1], places=(ways[best],))
 
 
 def _words(alike: Sequence[OtherConvention]) -> str:

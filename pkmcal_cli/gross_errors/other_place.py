@@ -24,6 +24,7 @@ from pkmcal_cli.gross_errors.plausibility import (
     FloatArray,
     Hint,
     evidence,
+    misfit,
     rms,
 )
 from pkmcal_cli.gross_errors.sample import Sample
@@ -53,7 +54,15 @@ def explain_place(sample: Sample) -> tuple[tuple[Hint, ...], float, float]:
         if (hint := seen.hint()) is not None:
             hints.append(hint)
             corrected = hint.places[0].put_back(corrected, seen.names)
-    return tuple(hints), *sample.misfits(corrected)
+    tables = [np.where(_judged_channels(sample), table, np.nan) for table in (sample.readings, corrected)]
+    before, after = (misfit(table, sample.predicted, tables[0]) for table in tables)
+    return tuple(hints), before, after
+
+
+def _judged_channels(sample: Sample) -> NDArray[np.bool_]:
+    """Channels (C,) that vary more than errors of parameters cause, or are off by more."""
+    off = np.array([rms(left) for left in (sample.readings - sample.predicted).T])
+    return np.asarray(sample.informative | (off > GROSS * sample.prior_rms))
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate
 from pkmcal_cli.gross_errors.frame_turns import lever
 from pkmcal_cli.gross_errors.mirror import MORE_THAN_AXES, brought_back
-from pkmcal_cli.gross_errors.plausibility import FEW, GROSS, Hint, misfit, rms, spread
+from pkmcal_cli.gross_errors.plausibility import FEW, GROSS, Hint, rms, spread
 from pkmcal_cli.prediction import WarmStart
 
 IntArray = NDArray[np.intp]
@@ -114,16 +114,21 @@ class Sample:
         each = np.where(self.evaluation.prediction.solved, each, np.inf)[known]
         return self.gross and len(each) >= _FEWEST and int((each > GROSS).sum()) <= max(1, int(_FEW * len(each)))
 
-    def misfits(self, corrected: Array) -> tuple[float, float]:
-        """How far the sample is off as it was read, and as it is put right (n, C).
+    def unexplained(self, tables: Sequence[Array]) -> list[float]:
+        """Chi-square per reading that errors of parameters in their ranges leave of tables (n, C), this sample first.
 
-        By channels that vary more than errors of parameters cause, or are off by more.
+        Infinite where a table lacks what the first one has.
         """
-        tables = [self.compared(table, self.predicted) for table in (self.readings, corrected)]
-        off = np.array([rms(left) for left in (tables[0] - self.predicted).T])
-        judged = self.informative | (off > GROSS * self.prior_rms)
-        before, after = (np.where(judged, table, np.nan) for table in tables)
-        return misfit(before, self.predicted, before), misfit(after, self.predicted, before)
+        off = np.stack([self.compared(table, self.predicted) - self.predicted for table in tables], axis=2)  # (n, C, k)
+        known: NDArray[np.bool_] = self.part.measured & np.isfinite(off[..., 0])
+        noise, left = self.part.sigma[known][:, None], off[known]
+        changes = _less_motions(self, self.changes)[known] / noise  # (m, p), in half ranges
+        held = np.eye(changes.shape[1], changes.shape[1] + len(tables))
+        whole = np.vstack([np.hstack([changes, np.nan_to_num(left) / noise]), held])
+        upper = np.asarray(np.linalg.qr(whole, mode="r"))
+        rest = upper[changes.shape[1] :, changes.shape[1] :]
+        chi2 = np.where(np.isfinite(left).all(axis=0), (rest**2).sum(axis=0), np.inf)
+        return [float(each) / max(len(noise), 1) for each in chi2]
 
     @cached_property
     def readings(self) -> Array:
