@@ -56,7 +56,7 @@ class OtherConvention:
 
 def explain_conventions(sample: Sample) -> tuple[Hint, ...]:
     """Orientations in space that another convention explains, beside errors of parameters and noise."""
-    every = [turn for turns in (*sample.turns, *(turns for _, turns in sample.standing.values())) for turn in turns]
+    every = [triple for turns in (*sample.turns, *(t for _, t in sample.standing.values())) for triple in turns]
     hints = (_hint(sample, columns) for columns in every if len(columns) == len(_AXES))
     return tuple(hint for hint in hints if hint is not None)
 

@@ -15,6 +15,7 @@ from pkmcal_cli.language.fingerprint import Fingerprint, read_fingerprint
 from pkmcal_cli.loading.data_information import DATA, DataInformation, Values, read_data
 from pkmcal_cli.loading.ending import Ending, read_ending
 from pkmcal_cli.loading.evidence import Evidence, read_evidence
+from pkmcal_cli.loading.kept_errors import KeptErrors, read_errors
 from pkmcal_cli.loading.parameter_text import FINGERPRINT
 from pkmcal_cli.units.dimensions import Dimension
 from pkmcal_cli.units.unit_text import Unit, UnitError, parse_unit, parse_value
@@ -48,7 +49,7 @@ class KnownParameters:
     """What a parameter file says, SI: parameters by name; covariance (p, p) of `names`; what its rows say.
 
     created: when, None where it does not say; measured: dates of the first and last row, None where the table had none;
-    inputs: sha256 by file; ending: of the fit.
+    inputs: sha256 by file; ending: of the fit; errors: those it left.
     """
 
     file: str
@@ -62,6 +63,7 @@ class KnownParameters:
     inputs: Mapping[str, str]
     ending: Ending
     evidence: Evidence | None = None
+    errors: KeptErrors | None = None
     measured: tuple[datetime, datetime] | None = None
 
     @property
@@ -108,6 +110,7 @@ def known_parameters(path: str) -> KnownParameters:
         faults.raise_if_any()
     assert section is not None and isinstance(section.value, dict)
     entries, evidence = _entries(tree, section.value, faults), read_evidence(tree, faults)
+    errors = read_errors(tree, faults)
     faults.raise_if_any()
     units = {name: p.unit.scale for name, p in entries.items()}
     names, covariance = _covariance(_plain(source.root, "correlations"), units)
@@ -125,6 +128,7 @@ def known_parameters(path: str) -> KnownParameters:
         measured=_span(head),
         inputs={str(k): str(v) for k, v in _map(head.get("inputs")).items()},
         evidence=evidence,
+        errors=errors,
         ending=read_ending(source.root),
     )
 

@@ -13,6 +13,7 @@ from pkmcal_cli.language.fingerprint import Fingerprint, read_fingerprint
 from pkmcal_cli.loading.data_information import DATA
 from pkmcal_cli.loading.ending import Ending, read_ending
 from pkmcal_cli.loading.evidence import MEASURED, UNEXPLAINED, Evidence, read_evidence
+from pkmcal_cli.loading.kept_errors import ERRORS
 from pkmcal_cli.loading.parameter_text import FINGERPRINT
 from pkmcal_cli.units.dimensions import Dimension
 from pkmcal_cli.units.unit_text import UNITS, Unit, UnitError, parse_unit, parse_value
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from pkmcal_cli.model.parts import ModelParameter
 
 
-_SECTIONS = ("provenance", FINGERPRINT, "parameters", MEASURED, UNEXPLAINED, "correlations", DATA)
+_SECTIONS = ("provenance", FINGERPRINT, "parameters", MEASURED, UNEXPLAINED, ERRORS, "correlations", DATA)
 _NOT_HERE = "remove it, or check that this file belongs to this machine"
 _LISTED = 3  # effects in a hint
 _ENTRY = ("value", "std", "unit", "identified", "note")

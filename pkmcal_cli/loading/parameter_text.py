@@ -63,9 +63,9 @@ def dump_parameters(
     provenance: Mapping[str, Any],
     fingerprint: Fingerprint,
     evidence: Evidence | None = None,
-    data: Sequence[str] = (),
+    more: Sequence[str] = (),
 ) -> str:
-    """The text of a parameter file; `fingerprint`: of the machine that the values belong to; data: a section."""
+    """The text of a parameter file; `fingerprint`: of the machine that the values belong to; more: further sections."""
     import yaml
 
     lines = [
@@ -92,7 +92,7 @@ def dump_parameters(
         lines.append(f"  std: [{', '.join(_real(v) for v in correlations.std)}]")
         lines.append("  matrix:")
         lines += [f"    - [{', '.join(_number(v) for v in row)}]" for row in correlations.matrix]
-    lines += data
+    lines += more
     return "\n".join(lines) + "\n"
 
 

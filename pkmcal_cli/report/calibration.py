@@ -26,7 +26,7 @@ from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.effect_signs import sign_text
 from pkmcal_cli.report.evidence import evidence_of
 from pkmcal_cli.report.failed_rows import FailedRows
-from pkmcal_cli.report.figures import criterion_text, figure_unit, figures_json, kind_label
+from pkmcal_cli.report.figures import criterion_text, error_lines, figure_unit, figures_json, kind_label
 from pkmcal_cli.report.heldout_json import heldout_json
 from pkmcal_cli.report.joint_uncertainty import correlations, data_lines
 from pkmcal_cli.report.loads import Loads
@@ -283,18 +283,18 @@ class CalibrationReport:
             lines.append(f"chi-square per degree of freedom: {self.fit.chi2_per_dof:.3f} ({freedom} of freedom)")
         if self.audit.loss == "squares":
             lines += residuals_text(self.fit, self.budget, self.problem, self.replicates)
+            lines += [noise] if (noise := noise_text(self.budget)) else []
         else:
             lines.append(f"robust fit ({self.audit.loss}): uncertainties from the scatter without outliers")
-        if self.audit.loss == "squares" and (noise := noise_text(self.budget)):
-            lines.append(noise)
         return "\n".join([*lines, self.intervals.remark] if self.intervals.remark else lines)
 
     def parameter_file(self, provenance: dict[str, Any]) -> str:
         """Text of the parameter file."""
         entries = [ParameterEntry(r.name, r.value, r.std, r.unit, r.identified, r.note) for r in self.rows]
-        held_out = None if isinstance(self.held_out, str) else self.held_out
-        errors, noise = (self.after, None) if held_out is None else (held_out.after, held_out.noise)
-        seen = evidence_of(self.problem, self.fit, errors, held_out is None, noise)
+        apart = None if isinstance(self.held_out, str) else self.held_out
+        errors, noise = (self.after, None) if apart is None else (apart.after, apart.noise)
+        seen = evidence_of(self.problem, self.fit, errors, apart is None, noise)
+        rest = error_lines(self.machine, self.after, None if apart is None else errors, self.fit.chi2_per_dof)
+        rest += data_lines(self.model, self.weighed, self.fit, self.budget, entries)
         joint = correlations(self.model, self.budget)
-        data = data_lines(self.model, self.weighed, self.fit, self.budget, entries)
-        return dump_parameters(entries, joint, provenance, self.model.fingerprint, seen, data)
+        return dump_parameters(entries, joint, provenance, self.model.fingerprint, seen, rest)

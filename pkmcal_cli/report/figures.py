@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures
 from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.loading.kept_errors import KeptErrors
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.report.number_format import finite, to_digits
 from pkmcal_cli.units.file_units import DIMENSIONS, NUMBER, UNITS, Unit
@@ -14,6 +16,17 @@ from pkmcal_cli.units.file_units import DIMENSIONS, NUMBER, UNITS, Unit
 def figure_unit(machine: Machine, figures: ErrorFigures) -> Unit:
     """Unit of a kind's figures."""
     return unit_of(machine, figures.dimension)
+
+
+def error_lines(
+    machine: Machine,
+    fitted: Mapping[str, ErrorFigures],
+    heldout: Mapping[str, ErrorFigures] | None,
+    chi2_per_dof: float,
+) -> list[str]:
+    """Errors as a section of a parameter file; heldout: None where nothing was held out."""
+    both = ({k: (f.rms, figure_unit(machine, f)) for k, f in kinds.items()} for kinds in (fitted, heldout or {}))
+    return KeptErrors(next(both), next(both), chi2_per_dof).lines()
 
 
 def kind_label(model: Model, kind: str) -> str:

@@ -20,6 +20,7 @@ from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.loading.parameter_text import ParameterEntry, dump_parameters, scalar
 from pkmcal_cli.report.diagnosis import DiagnosisReport
 from pkmcal_cli.report.evidence import evidence_of
+from pkmcal_cli.report.figures import error_lines
 from pkmcal_cli.report.improved_machine import effect_key, null_lines, option_lines, validity
 from pkmcal_cli.report.joint_uncertainty import correlations, data_lines
 from pkmcal_cli.report.number_format import handy, uncertain, unit_of_size
@@ -128,8 +129,9 @@ class ImprovedFiles:
             entries.append(ParameterEntry(p.name, unit.from_si(value), shown, p.unit, known, reason))
         noise = reported_noise([(fold.train, fold.fit, fold.report) for fold in made.after.folds])
         seen = evidence_of(made.problem, made.fit, made.after.report, fitted=False, noise=noise)
-        data = data_lines(self.model, last.problem, fit, budget, entries, effects)
-        return dump_parameters(entries, correlations(self.model, budget), provenance, fingerprint, seen, data)
+        rest = error_lines(self.machine, made.after.fit, made.after.report, made.fit.chi2_per_dof)
+        rest += data_lines(self.model, last.problem, fit, budget, entries, effects)
+        return dump_parameters(entries, correlations(self.model, budget), provenance, fingerprint, seen, rest)
 
     def _weight(self, name: str) -> tuple[float, float]:
         """A weight of a shape, and its standard uncertainty."""

@@ -28,6 +28,7 @@ from pkmcal_cli.workflow.alpha import check_alpha
 from pkmcal_cli.workflow.arguments import present
 from pkmcal_cli.workflow.compare_machines import compare_machines
 from pkmcal_cli.workflow.gates import Figure, Figures, Gate, gates
+from pkmcal_cli.workflow.kept_figures import check_kept, kept_figures
 from pkmcal_cli.workflow.plots import check_plot, write_plot
 from pkmcal_cli.workflow.run_folder import PARAMETERS, RECORD, history, kept_run, show_history
 from pkmcal_cli.workflow.tool_change import tool_change
@@ -80,11 +81,13 @@ def run_comparison(request: ComparisonRequest) -> int:
 
 def _check_limits(limits: Sequence[Gate], kinds: Sequence[str]) -> None:
     """Whether what is compared has what limits name. Raises UsageError."""
-    fitting = "heldout" if "machine" in kinds else "change"
     for gate in limits:
-        if gate.figure != fitting or (gate.figure == "change" and gate.unit.dimension not in (LENGTH, ANGLE)):
-            words = "of two machine files" if fitting == "heldout" else "of calibrations"
-            raise UsageError(f"{gate.option}: `{gate.text}` is no limit {words}", hint=f'write e.g. "{fitting} 20 um"')
+        if "machine" in kinds and gate.figure != "heldout":
+            message = f"{gate.option}: `{gate.text}` is no limit of two machine files"
+            raise UsageError(message, hint='write e.g. "heldout 20 um"')
+        if gate.figure == "change" and gate.unit.dimension not in (LENGTH, ANGLE):
+            message = f"{gate.option}: `{gate.text}` is no change of the tool point"
+            raise UsageError(message, hint='write e.g. "change 20 um"')
 
 
 def _judge(limits: Sequence[Gate], figures: Figures, location: str, to: Reporter) -> tuple[list[dict[str, Any]], bool]:
@@ -150,9 +153,10 @@ def _parameters(request: ComparisonRequest, kinds: list[str], limits: Sequence[G
             )
             hint = "write it again with `pkmcal calibrate -o`; values that are edited no longer match"
             raise BadInput.single(message, Location(k.file), hint, "parameters")
+    check_kept(limits, known[-1])
     compared = _compared(known)
     change = None
-    if compared.test.dof or limits:
+    if compared.test.dof or any(gate.figure == "change" for gate in limits):
         change = tool_change(request.machine, files, known, compared.likely(request.alpha), to)
     report = ComparisonReport(known, compared, change, request.alpha)
     for text in _warnings(known):
@@ -162,7 +166,8 @@ def _parameters(request: ComparisonRequest, kinds: list[str], limits: Sequence[G
         machine = next((k.fingerprint.of for k in known if k.fingerprint is not None), "") or "calibrations"
         named = titles(machine, "comparison", files)
         write_plot(comparison_picture(report, named), request.plot, files, to, force=request.force)
-    gates, missed = _judge(limits, {"change": _largest(change, report)}, files[-1], to)
+    figures = {**kept_figures(known[-1]), "change": _largest(change, report)}
+    gates, missed = _judge(limits, figures, files[-1], to)
     if request.as_json:
         result = report.json()
         emit_json(enveloped("compare", result["verdict"], result | {"gates": gates}, _origin(files)))

@@ -154,15 +154,21 @@ def check_gates(limits: Iterable[Gate], model: Model, kinds: Mapping[str, Dimens
         if name and name not in parameters:
             hint = did_you_mean(name, parameters, "`check` lists all")
             raise UsageError(f"{gate.option}: no parameter `{name}`", hint=hint)
-        if name and parameters[name].dimension != gate.unit.dimension:
-            require_unit(gate.option, gate.text, gate.unit, parameters[name])
-            message = f"{gate.option}: `{gate.text}`: `{name}` is not measured in {gate.unit.text}"
-            raise UsageError(message, hint=f"give a {parameters[name].dimension.name} with its unit")
+        if name:
+            checked_parameter(gate, name, parameters[name])
         if gate.figure in ("heldout", "fitted"):
-            _check_error(gate, kinds)
+            checked_error(gate, kinds)
 
 
-def _check_error(gate: Gate, kinds: Mapping[str, Dimension]) -> None:
+def checked_parameter(gate: Gate, name: str, unit: Unit) -> None:
+    """Whether a limit has a unit of the parameter that it names. Raises UsageError."""
+    if unit.dimension != gate.unit.dimension:
+        require_unit(gate.option, gate.text, gate.unit, unit)
+        message = f"{gate.option}: `{gate.text}`: `{name}` is not measured in {gate.unit.text}"
+        raise UsageError(message, hint=f"give a {unit.dimension.name} with its unit")
+
+
+def checked_error(gate: Gate, kinds: Mapping[str, Dimension]) -> None:
     """Whether an error that a limit names is measured. Raises UsageError."""
     fitting = [kind for kind, dimension in kinds.items() if dimension == gate.unit.dimension]
     if gate.kind and gate.kind not in fitting:
