@@ -45,6 +45,8 @@ class BeamElement(Element):
     `planar` keeps elongation and bending about z only.
     """
 
+    turns_over: ClassVar[bool] = True
+
     planar: bool = False
 
     @cached_property
@@ -84,6 +86,13 @@ class BeamElement(Element):
     def evaluate(self, link: LinkGeometry, rest: Array) -> tuple[Array, Array]:
         e, b = self._against_chord(link)
         return e - rest, b
+
+    def upright(self, link: LinkGeometry) -> Array:
+        """Of the angles between the chord and both ends' x axes, times its length; in space also of the twist."""
+        cosines = [dot(t[..., :, 0], link.delta) for t in (link.ti, link.tj)]
+        if not self.planar:
+            cosines.append(dot(link.ti[..., :, 1], link.tj[..., :, 1]) + dot(link.ti[..., :, 2], link.tj[..., :, 2]))
+        return np.stack(cosines, axis=-1)
 
     def _against_chord(self, link: LinkGeometry) -> tuple[Array, Array]:
         """Length of the chord and angles (N, E, m), and their gradient (N, E, m, 9)."""

@@ -42,6 +42,7 @@ class Element(ABC):
     curved: ClassVar[bool] = True  # the strains have second derivatives
     per_length: ClassVar[bool] = False  # stiffness numbers are divided by the first rest value, a natural length
     slides: ClassVar[bool] = False  # travels add to that natural length
+    turns_over: ClassVar[bool] = False  # some strains vanish too where an end is turned over: see `upright`
     sizes: ClassVar[tuple[str, ...]] = ()  # the p numbers that shape a link besides its vector: radii of pulleys
 
     @property
@@ -88,6 +89,10 @@ class Element(ABC):
         rest (N or 1, E, m): natural length, commanded travel, ... Strains in m and rad. Must accept complex arrays
         (derivatives by complex step).
         """
+
+    def upright(self, link: LinkGeometry) -> Array | None:
+        """Cosines (N, E, k) that are below 0 where an end is turned over, which strains do not tell; None without."""
+        return None
 
     def by_sizes(self, link: LinkGeometry) -> Array:
         """Derivative of the strains with respect to the sizes, (N, E, m, p)."""

@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,7 @@ _HALF = MappingProxyType(
     {"rx": ((0.5, 2, 1), (-0.5, 1, 2)), "ry": ((0.5, 0, 2), (-0.5, 2, 0)), "rz": ((0.5, 1, 0), (-0.5, 0, 1))}
 )
 _ACROSS = MappingProxyType({"rx": ((-1.0, 1, 2),), "ry": ((1.0, 0, 2),)})
+_COSINES = MappingProxyType({"rx": (1, 2), "ry": (0, 2), "rz": (0, 1)})  # axes of i along those of j, where it is none
 _UNIVERSAL = MappingProxyType({"rz": ((-1.0, 0, 1),)})
 DISPLACEMENTS = ("x", "y", "z")
 
@@ -70,6 +72,8 @@ class JointElement(Element):
     `directions` lists those in use, out of x y z rx ry rz; `angle` is the unwrapped rotation of j about z of i, the
     strain of a rotary drive or a torsion spring.
     """
+
+    turns_over: ClassVar[bool] = True
 
     type: str
     directions: tuple[str, ...]
@@ -114,6 +118,16 @@ class JointElement(Element):
                     b[..., row, THETA_I] += moment
                     b[..., row, THETA_J] -= moment
         return _wrapped(e - rest, self.directions), b
+
+    def upright(self, link: LinkGeometry) -> Array | None:
+        """Of the blocked rotations in use: of the angle between the axes of a hinge, or about each axis."""
+        rotations = JOINTS[self.type].rotations
+        kept = {"rx": (2,), "ry": (2,)} if rotations is _ACROSS else _COSINES if rotations is _HALF else {}
+        axes = [kept[name] for name in self.directions if name in rotations and name in kept]
+        if not axes:
+            return None
+        aligned = [dot(link.ti[..., :, k], link.tj[..., :, k]) for k in range(3)]
+        return np.stack([sum(aligned[k] for k in along) for along in axes], axis=-1)
 
     def _products(self, name: str) -> tuple[tuple[float, int, int], ...]:
         return JOINTS[self.type].rotations.get(name) or _HALF[name]

@@ -21,6 +21,7 @@ from pkmcal_cli.equilibrium.status import RowStatus
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.equilibrium.system_numbers import SystemNumbers, system_numbers
 from pkmcal_cli.equilibrium.tangent import Tangent
+from pkmcal_cli.equilibrium.turned_over import turned_over_rows
 from pkmcal_cli.mechanism.topology import Index
 
 _ALWAYS_SMALL = 1e-9  # steps below this size lead nowhere else
@@ -28,6 +29,7 @@ _DIVERGED = 1e3  # a step of so many sizes of the machine, or rad, comes from a 
 _LUCKY = 3e-4  # a step that is shorter than this share of the last one says nothing of the next
 _UNDER_WAY = 1e-2  # accepted of a state from which another is begun, relative to the machine's size or in rad
 _STRIDES = 128  # of a row on its way, at most
+_TURNING = 0.01  # sizes of the machine, or rad: steps below turn nothing over
 _ROUNDING = 1e-13  # a step this small, relative to the machine's size or in rad, is rounding
 
 
@@ -114,6 +116,7 @@ class _Run:
         self.per_unit = 1.0 / unit_sizes(system, length)
         self.previous = np.full(rows, np.inf)  # size of the last step
         self.before = np.zeros(rows)  # size of the one before
+        self.longest = np.zeros(rows)  # of all steps
         self.entries: Array = np.zeros((rows, system.maps.width))
 
     def iterate(self, first: bool) -> None:
@@ -136,6 +139,7 @@ class _Run:
             step[without], lost = 0.0, lost | without
             self.status[self.active[without]] = RowStatus.SINGULAR
         self.state = advance(self.system, self.state, step, self.scale)
+        self.longest = np.maximum(self.longest, size)
         ratio = size / self.previous
         done, grows = _accepted(size, ratio, self.options.tolerance), self._grows(size, ratio)
         self.previous = size
@@ -163,6 +167,10 @@ class _Run:
             if self.options.curved:
                 saddle = rows[~tangent.stable(rows)]
                 self.status[self.active[saddle]] = RowStatus.UNSTABLE
+            far = rows[self.longest[rows] > _TURNING]
+            if len(far):
+                over = turned_over_rows(self.system, self.numbers.take(far), self.state.take(far))
+                self.status[self.active[far[over]]] = RowStatus.NOT_CONVERGED
 
     def _dismiss(self, leaving: NDArray[np.bool_]) -> None:
         """Store the states of rows that leave and go on with the others."""
@@ -177,6 +185,7 @@ class _Run:
         self.active = self.active[stay]
         if len(stay):
             self.previous, self.before = self.previous[stay], self.before[stay]
+            self.longest = self.longest[stay]
             self.state, self.numbers = self.state.take(stay), self.numbers.take(stay)
 
     def _ropes_change(self, stresses: tuple[Array, ...]) -> NDArray[np.bool_]:

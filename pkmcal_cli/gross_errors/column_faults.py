@@ -289,4 +289,5 @@ def _offset(table: _Table, i: int) -> Hint | None:
     before = rms(deviation)
     words = f"{evidence(unit, before, scatter)} without this offset"
     message = f"`{table.names[i]}` is off by {unit.format(mean, 4)} in all rows (is the origin wrong?): {words}"
-    return Hint(kind="offset", names=(table.names[i],), message=message, before=before, after=scatter)
+    right = (Right(table.names[i], table.names[i], 1.0, -mean),)
+    return Hint(kind="offset", names=(table.names[i],), message=message, before=before, after=scatter, columns=right)
