@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from itertools import permutations
 from pathlib import Path
 
@@ -26,11 +27,14 @@ def angles(rotation: Rotation, order: str) -> np.ndarray:
     return rotation.as_euler(order)[:, [order.index(axis) for axis in "xyz"]]
 
 
-def written(folder: Path, change: str) -> Path:
+def written(folder: Path, change: str | Callable[[Rotation], np.ndarray]) -> Path:
     """The shipped table of the hexapod with orientations in another convention."""
     table, path = pd.read_csv(TABLE), folder / "other.csv"
     rotation = Rotation.from_rotvec(table[TURNS].to_numpy())
-    table[TURNS] = rotation.as_quat()[:, :3] if change == "quaternion" else angles(rotation, change)
+    if isinstance(change, str):
+        table[TURNS] = rotation.as_quat()[:, :3] if change == "quaternion" else angles(rotation, change)
+    else:
+        table[TURNS] = change(rotation)
     table.to_csv(path, index=False)
     return path
 
@@ -61,6 +65,36 @@ def test_the_order_of_the_turns_is_told(order: str, tmp_path: Path) -> None:
 def test_a_quaternion_is_told(tmp_path: Path) -> None:
     told = run("check", HEXAPOD, written(tmp_path, "quaternion")).err
     assert "`rx`, `ry`, `rz` look like the vector part of a quaternion" in told, told
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda r: np.degrees(angles(r, "zyx")), "like angles in degrees of turns about the fixed axes z, then y"),
+        (lambda r: (r * r[0].inv()).as_rotvec(), "counted from another orientation, as that of the first row (ANGLE"),
+        (lambda r: (r[0].inv() * r).as_rotvec(), "given in other axes (ANGLE"),
+        (lambda r: angles(r * r[0].inv(), "xyz"), "not like a rotation vector, and counted from another orientation"),
+    ],
+)  # fmt: skip
+def test_units_and_other_orientations_are_told_beside(
+    change: Callable[[Rotation], np.ndarray], words: str, tmp_path: Path
+) -> None:
+    """The angle is that of the first row, but for the errors of the nominal machine, 0.03 deg rms."""
+    told = run("check", HEXAPOD, written(tmp_path, change)).err
+    assert re.search(re.escape(words).replace("ANGLE", r"([\d.]+) deg off\)"), told), told
+    for angle in re.findall(r"\(([\d.]+) deg off\)", told):
+        first = np.linalg.norm(pd.read_csv(TABLE)[TURNS].to_numpy()[0])
+        assert float(angle) == pytest.approx(np.degrees(first), abs=0.1)
+
+
+def test_an_instrument_that_is_tilted_is_that(tmp_path: Path) -> None:
+    """By 6 deg, points and orientations alike: no convention of orientations explains the points."""
+    table, path, tilt = pd.read_csv(TABLE), tmp_path / "tilted.csv", Rotation.from_rotvec([0.06, -0.08, 0.04])
+    table[PLACES] = tilt.apply(table[PLACES].to_numpy())
+    table[TURNS] = (tilt * Rotation.from_rotvec(table[TURNS].to_numpy())).as_rotvec()
+    table.to_csv(path, index=False)
+    told = run("check", HEXAPOD, path).err
+    assert "look taken from another place" in told and "not like a rotation vector" not in told, told
 
 
 def test_a_diagnosis_goes_on_with_rotation_vectors(tmp_path: Path) -> None:

@@ -22,7 +22,8 @@ from pkmcal_cli.gross_errors.plausibility import (
 from pkmcal_cli.units.file_units import Unit, parse_unit
 from pkmcal_cli.units.mistaken_units import factors_of, times, unit_words
 
-_LEAST_TURN = 0.05  # rad: what is less is no convention of axes
+LEAST_TURN = 0.05
+"""What is less, rad, is no convention of axes."""
 
 Turns = Sequence[Sequence[int]]
 """Columns of each rotation vector that one instrument reads: three, in the plane one."""
@@ -73,6 +74,15 @@ def vectors_of(rotations: FloatArray) -> FloatArray:
     return out
 
 
+def best_turn(read: FloatArray, expected: FloatArray, first: bool) -> FloatArray:
+    """The rotation (d, d) that brings orientations (N, d, d) nearest to others: of bodies (`first`) or of axes."""
+    inverse = np.swapaxes(read, 1, 2)
+    pairs = inverse @ expected if first else expected @ inverse
+    u, _, vt = np.linalg.svd(pairs.sum(axis=0))
+    u[:, -1] *= np.linalg.det(u @ vt)
+    return np.asarray(u @ vt)
+
+
 @dataclass(frozen=True)
 class _Change:
     """Some columns times a factor."""
@@ -116,11 +126,7 @@ class _Counted:
     @classmethod
     def of_best(cls, readings: FloatArray, expected: FloatArray, columns: tuple[int, ...], first: bool) -> _Counted:
         """With the turn that brings readings (N, C) nearest to predictions (N, d, d); `first`: of the body."""
-        inverse = np.swapaxes(orientations(readings[:, columns]), 1, 2)
-        pairs = inverse @ expected if first else expected @ inverse
-        u, _, vt = np.linalg.svd(pairs.sum(axis=0))
-        u[:, -1] *= np.linalg.det(u @ vt)
-        return cls(columns, u @ vt, first)
+        return cls(columns, best_turn(orientations(readings[:, columns]), expected, first), first)
 
     @property
     def size(self) -> float:
@@ -166,7 +172,7 @@ def explain_turns(
     sides = () if not known.any() else (True, False) if each else (True,)
     counted = [_Counted.of_best(readings[known], seen[known], tuple(columns), first) for first in sides]
     least = 0.0 if expected is None else GROSS * float(np.linalg.norm(expected[list(columns)]))
-    counted = [c for c in counted if c.size > max(_LEAST_TURN, least)]
+    counted = [c for c in counted if c.size > max(LEAST_TURN, least)]
 
     def left(table: FloatArray) -> float:
         return rms(turned_back(table[:, columns], there, rotation) - there)
