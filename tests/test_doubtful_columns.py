@@ -56,6 +56,16 @@ def test_temperatures_of_another_unit(header: str, cells: str, meant: str, tmp_p
     assert f"looks like {meant}" in doubt.what and doubt.hint == f"write `T [{meant}]` in the header"
 
 
+def test_air_as_warm_as_no_workshop_is_in_fahrenheit(tmp_path: Path) -> None:
+    """68 degF are 20 degC; a part may be as warm as 68 degC, and so may an oven."""
+    head = HEAD.rpartition(",")[0]
+    (doubt,) = found(tmp_path, f"{head},T [degC]", f"{ROW},68.1", f"{ROW},74").warnings
+    assert doubt.code == "csv-unit" and "68.1 to 74 looks like degrees Fahrenheit" in doubt.what
+    assert doubt.hint == "convert it: (F - 32)/1.8"
+    for name, cells in (("T.platform [degC]", "68.1"), ("T [degC]", "49"), ("T [degC]", "111")):
+        assert not found(tmp_path, f"{head},{name}", f"{ROW},{cells}").warnings
+
+
 @pytest.mark.parametrize(("header", "cells"), [
     ("T [degC]", "-20"), ("T [degC]", "120"), ("T [K]", "292.95"), ("T [K]", "77"), ("T [degC]", ""),
 ])  # fmt: skip

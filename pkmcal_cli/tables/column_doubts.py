@@ -15,10 +15,12 @@ from pkmcal_cli.tables.column_binding import Binding
 from pkmcal_cli.tables.column_needs import Bound
 from pkmcal_cli.tables.serial_days import Span, Times
 from pkmcal_cli.units.dimensions import TEMPERATURE
+from pkmcal_cli.units.unit_text import UNITS
 
 _ZERO = 273.15  # K, 0 degC
 _WORKSHOP = (-20.0, 150.0)  # degC, a cold hall to hot parts
 _COLD = 60.0  # K: nothing is calibrated colder
+_AIR, _FAHRENHEIT = "T", (50.0, 110.0)  # of no part; degF, 10 to 43 degC: air as warm as so many degC is in no workshop
 
 
 @dataclass
@@ -73,7 +75,10 @@ class ColumnDoubts:
             meant = "K"
         elif unit == "K" and _WORKSHOP[0] <= low <= high < _COLD:
             meant = "degC"
+        elif unit == "degC" and bound.column.name == _AIR and _FAHRENHEIT[0] <= low <= high <= _FAHRENHEIT[1]:
+            meant = "degrees Fahrenheit"
         else:
             return None
         message = f"column `{name}` is read in {unit}, but {low:g} to {high:g} looks like {meant}"
-        return Flaw("csv-unit", message, f"write `{name} [{meant}]` in the header", line, bound.index)
+        hint = f"write `{name} [{meant}]` in the header" if meant in UNITS else "convert it: (F - 32)/1.8"
+        return Flaw("csv-unit", message, hint, line, bound.index)
