@@ -18,10 +18,10 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
 from pkmcal_cli.equilibrium.kinematics import State, advance, place_prescribed
 from pkmcal_cli.equilibrium.status import RowStatus
+from pkmcal_cli.equilibrium.strains import turned_over_rows
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.equilibrium.system_numbers import SystemNumbers, system_numbers
 from pkmcal_cli.equilibrium.tangent import Tangent
-from pkmcal_cli.equilibrium.turned_over import turned_over_rows
 from pkmcal_cli.mechanism.topology import Index
 
 _ALWAYS_SMALL = 1e-9  # steps below this size lead nowhere else

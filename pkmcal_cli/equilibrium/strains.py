@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.sparse_map import pick
@@ -63,3 +64,20 @@ def all_strains(system: System, coefficients: Array | SystemNumbers, state: Stat
 def on_links(group: Group, stress: Array) -> Array:
     """Give the stresses (N, K, m) that act on the links of elements with stresses (N, E, m), without weights."""
     return stress if group.path is None else pick(stress, group.path)
+
+
+def turned_over_rows(system: System, numbers: SystemNumbers, state: State) -> NDArray[np.bool_]:
+    """Rows (N,) in which an end of a beam, or a member of a joint, is turned over by more than a quarter of a turn.
+
+    Components of axes in other directions are sines of angles, which are zero at half a turn too. No machine gets there
+    without tearing itself apart, but a step of Newton's method may.
+    """
+    out = np.zeros(len(state), dtype=bool)
+    if not any(group.group.element.turns_over for group in system.groups):
+        return out
+    stacked = geometries(system, state, rotated_offset_vectors(system.topology, numbers.bodies, state))
+    for index, (group, here) in enumerate(zip(system.groups, numbers.groups, strict=True)):
+        cosines = group.group.element.upright(group_geometry(system, index, stacked).links(here.sizes))
+        if cosines is not None:
+            out |= (cosines < 0.0).any(axis=(1, 2))
+    return out
