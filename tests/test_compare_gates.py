@@ -6,7 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
+from pkmcal_cli.loading.kept_errors import KeptErrors
+from pkmcal_cli.units.unit_text import parse_unit
 from tests.command import MACHINES, Done, clean, run
 
 MACHINE, DATA = (str(MACHINES / f"triglide-nonredundant.{end}") for end in ("yaml", "csv"))
@@ -85,6 +88,14 @@ def test_a_file_without_errors_says_so(calibrated: tuple[Path, dict[str, Any]], 
 def test_what_is_no_limit_is_refused(limit: str, told: str, calibrated: tuple[Path, dict[str, Any]]) -> None:
     done = compared(calibrated[0], calibrated[0], limit)
     assert done.code == 2 and told in done.err and "help:" in done.err
+
+
+def test_small_errors_are_numbers_to_every_reader() -> None:
+    """To readers of YAML 1.1, 1e-06 is a text."""
+    small = KeptErrors({"position": (1e-9, parse_unit("mm"))}, {"position": (2e-15, parse_unit("mm"))}, 1e-12)
+    section = yaml.safe_load("\n".join(small.lines()))["errors"]
+    assert section["fitted"]["position"]["rms"] == pytest.approx(1e-6) and section["chi2_per_dof"] == 1e-12
+    assert section["heldout"]["position"]["rms"] == pytest.approx(2e-12)
 
 
 def test_errors_that_nobody_wrote_are_told_by_place(calibrated: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:

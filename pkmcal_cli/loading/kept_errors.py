@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from pkmcal_cli.base.errors import FaultList
+from pkmcal_cli.loading.parameter_text import yaml_number
 from pkmcal_cli.units.unit_text import Unit, UnitError, parse_unit
 from pkmcal_cli.yaml_source.tree import Path, SourceMap
 
@@ -35,9 +36,9 @@ class KeptErrors:
         """As a section of a parameter file."""
         out = [f"{ERRORS}: # root mean squares of measured minus predicted"]
         if math.isfinite(self.chi2_per_dof):
-            out.append(f"  {_CHI2}: {_number(self.chi2_per_dof)}")
+            out.append(f"  {_CHI2}: {_digits(self.chi2_per_dof)}")
         for name, kinds in ((_FITTED, self.fitted), (_HELDOUT, self.heldout)):
-            every = (f"{k}: {{rms: {_number(u.from_si(v))}, unit: {u.definition}}}" for k, (v, u) in kinds.items())
+            every = (f"{k}: {{rms: {_digits(u.from_si(v))}, unit: {u.definition}}}" for k, (v, u) in kinds.items())
             out += [f"  {name}: {{{', '.join(every)}}}"] if kinds else []
         return out if len(out) > 1 else []
 
@@ -83,5 +84,6 @@ def _positive(tree: SourceMap, faults: FaultList, value: object, path: Path) -> 
     return float(value)
 
 
-def _number(value: float) -> str:
-    return repr(float(f"{value:.6g}"))
+def _digits(value: float) -> str:
+    """Six of them: the errors are known to two."""
+    return yaml_number(float(f"{value:.6g}"))

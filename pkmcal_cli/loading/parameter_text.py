@@ -75,11 +75,11 @@ def dump_parameters(
     head = yaml.safe_dump({"provenance": dict(provenance)}, sort_keys=False, allow_unicode=True, width=1000)
     lines += [head.rstrip(), f"{FINGERPRINT}: {fingerprint.line()}", "parameters:"]
     for e in entries:
-        std = "null" if e.std is None else _real(e.std)
+        std = "null" if e.std is None else yaml_number(e.std)
         unit = f", unit: {scalar(e.unit)}" if e.unit not in ("", "1") else ""
         identified = "true" if e.identified else "false"
         note = f", note: {json.dumps(e.note, ensure_ascii=False)}" if e.note else ""
-        entry = f"value: {_real(e.value)}, std: {std}{unit}, identified: {identified}{note}"
+        entry = f"value: {yaml_number(e.value)}, std: {std}{unit}, identified: {identified}{note}"
         lines.append(f"  {scalar(e.name)}: {{{entry}}}")
     lines += [] if evidence is None else evidence.lines()
     if correlations is not None:
@@ -89,7 +89,7 @@ def dump_parameters(
             "correlations: # of all that is uncertain; std of what is held: half its range, as it turned out",
         ]
         lines.append(f"  names: [{', '.join(scalar(n) for n in correlations.names)}]")
-        lines.append(f"  std: [{', '.join(_real(v) for v in correlations.std)}]")
+        lines.append(f"  std: [{', '.join(yaml_number(v) for v in correlations.std)}]")
         lines.append("  matrix:")
         lines += [f"    - [{', '.join(_number(v) for v in row)}]" for row in correlations.matrix]
     lines += more
@@ -105,7 +105,7 @@ def scalar(text: str) -> str:
     return text if _PLAIN.fullmatch(text) and text.lower() not in _WORDS else json.dumps(text, ensure_ascii=False)
 
 
-def _real(value: float) -> str:
+def yaml_number(value: float) -> str:
     """A number that every YAML reader takes for one: 1.0e-06, not 1e-06."""
     text = repr(value)
     return text.replace("e", ".0e") if "e" in text and "." not in text else text
