@@ -103,6 +103,20 @@ def test_a_fit_that_is_far_off_and_finds_no_easy_step_is_given_up(
     assert (len(tried) == 4) == given_up and len(tried) >= 4
 
 
+@pytest.mark.parametrize(
+    ("chi2", "ended"),
+    [
+        ([1e6, 1176.0, 1171.0, 1167.0, 1163.0], True),
+        ([1e6, 1176.0, 1171.0, 1167.0], False),
+        ([1e6, 1200.0, 1180.0, 1170.0, 1160.0], False),
+        ([1e6, 599.0, 598.0, 597.0, 596.0], False),
+    ],
+)
+def test_a_fit_that_creeps_above_what_is_hoped_for_is_given_up(chi2: list[float], ended: bool) -> None:
+    """By less than 2 % in three steps, above 600; where nothing is hoped for, never."""
+    assert Patience(hoped=600.0).ends(chi2) == ended and not COMPARED.ends(chi2)
+
+
 def test_one_of_several_fits_is_none_where_it_tears_the_machine(tmp_path: Path) -> None:
     """A joint of the redundant delta is 3 mm off in the file: steps lead where drives disagree far too much.
 

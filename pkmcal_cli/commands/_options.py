@@ -115,7 +115,7 @@ FailAboveChange = Annotated[
     typer.Option(
         "--fail-above",
         metavar='"KIND VALUE"',
-        help='Exit with 1 above a limit, e.g. "change 20 um"; others: of the last file, or the second machine.',
+        help='Exit with 1 above a limit: "change 20 um"; heldout, fitted, chi2, std:NAME of the last file or machine.',
         autocompletion=_completion.limits,
     ),
 ]

@@ -83,6 +83,12 @@ def best_turn(read: FloatArray, expected: FloatArray, first: bool) -> FloatArray
     return np.asarray(u @ vt)
 
 
+def turned_by(vectors: FloatArray, back: FloatArray, first: bool) -> FloatArray:
+    """Rotation vectors (N, k), rad, turned by a rotation (d, d) of bodies (`first`), or of axes."""
+    turned = orientations(vectors)
+    return vectors_of(turned @ back if first else back @ turned)
+
+
 @dataclass(frozen=True)
 class _Change:
     """Some columns times a factor."""
@@ -135,8 +141,8 @@ class _Counted:
 
     def of(self, readings: FloatArray) -> FloatArray:
         """The readings (N, C), turned."""
-        out, turned = readings.copy(), orientations(readings[:, self.columns])
-        out[:, self.columns] = vectors_of(turned @ self.back if self.first else self.back @ turned)
+        out = readings.copy()
+        out[:, self.columns] = turned_by(readings[:, self.columns], self.back, self.first)
         return out
 
     def hint(self, names: Sequence[str], unit: Unit, before: float, after: float) -> Hint:

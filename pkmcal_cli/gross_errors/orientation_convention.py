@@ -15,7 +15,7 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import exp, log
 from pkmcal_cli.gross_errors.displaced import Names
-from pkmcal_cli.gross_errors.frame_turns import LEAST_TURN, best_turn, orientations, vectors_of
+from pkmcal_cli.gross_errors.frame_turns import LEAST_TURN, best_turn, orientations, turned_by
 from pkmcal_cli.gross_errors.plausibility import BETTER, FEW, GROSS, FloatArray, Hint, evidence, rms
 from pkmcal_cli.gross_errors.sample import Sample
 from pkmcal_cli.units.unit_text import parse_unit
@@ -64,8 +64,7 @@ class OtherConvention:
             columns = [names.index(n) for n in self.vector]
             out[:, columns] = rotation_vectors(self.factor * readings[:, columns], self.convention)
             if self.back is not None:
-                turned = orientations(out[:, columns])
-                out[:, columns] = vectors_of(turned @ self.back if self.first else self.back @ turned)
+                out[:, columns] = turned_by(out[:, columns], self.back, self.first)
         return out
 
     @property
@@ -117,7 +116,7 @@ def _hint(sample: Sample, columns: Sequence[int], stands: bool) -> Hint | None:
     off = [rms((sample.compared(t, sample.predicted) - sample.predicted)[:, columns]) for t in (readings, tables[best])]
     proof = evidence(parse_unit(model.channels[columns[0]].unit), *off)
     message = f"{', '.join(f'`{n}`' for n in ways[best].vector)} look {ways[best].words}: {proof} as that; "
-    message += "convert them to rotation vectors, axis times angle, from the reference configuration, or leave them out"
+    message += "convert them to rotation vectors (axis times angle) from the reference configuration, or leave them out"
     return Hint(
         kind="convention", names=ways[best].vector, message=message, before=off[0], after=off[1], places=(ways[best],)
     )

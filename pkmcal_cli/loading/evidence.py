@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 
 from pkmcal_cli.base.errors import FaultList
-from pkmcal_cli.units.dimensions import ANGLE, LENGTH, Dimension
-from pkmcal_cli.units.unit_text import UnitError, parse_unit
-from pkmcal_cli.yaml_source.tree import Path, SourceMap
+from pkmcal_cli.loading.written_sections import written_quantity, written_section
+from pkmcal_cli.units.dimensions import ANGLE, LENGTH
+from pkmcal_cli.units.unit_text import parse_unit
+from pkmcal_cli.yaml_source.tree import SourceMap
 
 MEASURED, UNEXPLAINED = "measured", "unexplained"
 """Sections of a parameter file."""
@@ -75,56 +75,18 @@ TOOL = "tool."
 """Before the coordinates of the tool point, among what was set and logged: drives may be called x."""
 _DIMENSIONS = {"position": LENGTH, "orientation": ANGLE}
 _TIMES = "times_noise"
-_AS_WRITTEN = "leave this section as `pkmcal calibrate -o` wrote it"
 
 
 def read_evidence(tree: SourceMap, faults: FaultList) -> Evidence | None:
     """The evidence of a parameter file; None where it says nothing. What cannot be read is added to `faults`."""
-    measured, left = (_section(tree, faults, name) for name in (MEASURED, UNEXPLAINED))
+    measured, left = (written_section(tree, faults, name) for name in (MEASURED, UNEXPLAINED))
     if measured is None:
         return None
-    number = partial(_number, tree, faults)
-    ranges = {name: (number(e, (MEASURED, name), "low"), number(e, (MEASURED, name), "high")) for name, e in measured}
-    kinds = [(kind, e) for kind, e in left or () if kind != _TIMES]
-    stds = {kind: number(e, (UNEXPLAINED, kind), "std", 0.0, _DIMENSIONS.get(kind)) for kind, e in kinds}
-    times = [number({_TIMES: e}, (UNEXPLAINED, _TIMES), _TIMES, 0.0) for kind, e in left or () if kind == _TIMES]
-    units = {name: str(e["unit"]) for name, e in measured if isinstance(e, dict) and "unit" in e}
+    quantity, left = partial(written_quantity, tree, faults), left or {}
+    ends = {n: [quantity(e, (MEASURED, n), end)[0] for end in ("low", "high")] for n, e in measured.items()}
+    ranges = {name: (low, high) for name, (low, high) in ends.items()}
+    kinds = [(kind, e) for kind, e in left.items() if kind != _TIMES]
+    stds = {kind: quantity(e, (UNEXPLAINED, kind), "std", 0.0, _DIMENSIONS.get(kind))[0] for kind, e in kinds}
+    times = [quantity({_TIMES: e}, (UNEXPLAINED, n), n, 0.0)[0] for n, e in left.items() if n == _TIMES]
+    units = {name: str(e["unit"]) for name, e in measured.items() if isinstance(e, dict) and "unit" in e}
     return Evidence(ranges, stds, units, *times)
-
-
-def _section(tree: SourceMap, faults: FaultList, name: str) -> list[tuple[str, object]] | None:
-    """Names and entries of a section; None without it."""
-    node = tree.root.child(name)
-    if node is None:
-        return None
-    plain = node.plain()
-    if not isinstance(plain, dict):
-        faults.add(tree.fault("value", f"`{name}` must be a map", (name,), _AS_WRITTEN, at_key=True))
-        return None
-    return [(str(k), v) for k, v in plain.items()]
-
-
-def _number(
-    tree: SourceMap,
-    faults: FaultList,
-    entry: object,
-    path: Path,
-    key: str,
-    least: float = -math.inf,
-    of: Dimension | None = None,
-) -> float:
-    """A number of an entry, SI; 0 where it, or its unit, is a fault."""
-    value, text = (entry.get(key), str(entry.get("unit", "1"))) if isinstance(entry, dict) else (None, "1")
-    try:
-        unit = parse_unit(text)
-        if of is not None and unit.dimension != of:
-            raise UnitError(f"the unit of `{path[-1]}` must be one of {of}", _AS_WRITTEN)
-    except UnitError as error:
-        faults.add(tree.fault("unit", error.message, path, error.hint, at_key=True))
-        return 0.0
-    if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value < math.inf:
-        holder = "" if path[-1] == key else f" of `{path[-1]}`"
-        message = f"`{key}`{holder} must be a finite number" + (", not below 0" if least == 0 else "")
-        faults.add(tree.fault("value", message, path, _AS_WRITTEN, at_key=True))
-        return 0.0
-    return float(unit.to_si(float(value)))

@@ -10,16 +10,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from pkmcal_cli.base.errors import FaultList
-from pkmcal_cli.loading.parameter_text import yaml_number
-from pkmcal_cli.units.unit_text import Unit, UnitError, parse_unit
+from pkmcal_cli.loading.parameter_text import ERRORS, yaml_number
+from pkmcal_cli.loading.written_sections import written_map, written_quantity, written_section
+from pkmcal_cli.units.unit_text import Unit
 from pkmcal_cli.yaml_source.tree import Path, SourceMap
 
-ERRORS = "errors"
-"""Section of a parameter file."""
-
 _CHI2, _FITTED, _HELDOUT = "chi2_per_dof", "fitted", "heldout"
-_AS_WRITTEN = "leave this section as `pkmcal calibrate -o` wrote it"
-
 Rms = Mapping[str, tuple[float, Unit]]
 """Root mean squares, SI, by kind of error, and the units in which they are shown."""
 
@@ -45,43 +41,19 @@ class KeptErrors:
 
 def read_errors(tree: SourceMap, faults: FaultList) -> KeptErrors | None:
     """The errors of a parameter file; None where it says nothing. What cannot be read is added to `faults`."""
-    node = tree.root.child(ERRORS)
-    if node is None:
+    section = written_section(tree, faults, ERRORS)
+    if section is None:
         return None
-    plain = node.plain()
-    if not isinstance(plain, dict):
-        faults.add(tree.fault("value", f"`{ERRORS}` must be a map", (ERRORS,), _AS_WRITTEN, at_key=True))
-        return None
-    chi2 = _positive(tree, faults, plain[_CHI2], (ERRORS, _CHI2)) if _CHI2 in plain else math.nan
-    fitted, heldout = (_kinds(tree, faults, plain.get(name, {}), (ERRORS, name)) for name in (_FITTED, _HELDOUT))
+    known = {n: e for n, e in section.items() if n == _CHI2}
+    chi2 = written_quantity(tree, faults, known, (ERRORS, _CHI2), _CHI2, 0.0)[0] if known else math.nan
+    fitted, heldout = (_kinds(tree, faults, section.get(name, {}), (ERRORS, name)) for name in (_FITTED, _HELDOUT))
     return KeptErrors(fitted, heldout, chi2)
 
 
 def _kinds(tree: SourceMap, faults: FaultList, plain: object, path: Path) -> Rms:
     """Root mean squares by kind."""
-    if not isinstance(plain, dict):
-        faults.add(tree.fault("value", f"`{path[-1]}` must be a map", path, _AS_WRITTEN, at_key=True))
-        return {}
-    out = {}
-    for kind, entry in plain.items():
-        here = (*path, str(kind))
-        rms, text = (entry.get("rms"), str(entry.get("unit", "1"))) if isinstance(entry, dict) else (None, "1")
-        try:
-            unit = parse_unit(text)
-        except UnitError as error:
-            faults.add(tree.fault("unit", error.message, here, error.hint, at_key=True))
-        else:
-            out[str(kind)] = unit.to_si(_positive(tree, faults, rms, here)), unit
-    return out
-
-
-def _positive(tree: SourceMap, faults: FaultList, value: object, path: Path) -> float:
-    """A number that is not below 0; 0 where it is a fault."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < math.inf:
-        message = f"`{path[-1]}` must be a finite number, not below 0"
-        faults.add(tree.fault("value", message, path, _AS_WRITTEN, at_key=True))
-        return 0.0
-    return float(value)
+    kinds = written_map(tree, faults, plain, path) or {}
+    return {kind: written_quantity(tree, faults, entry, (*path, kind), "rms", 0.0) for kind, entry in kinds.items()}
 
 
 def _digits(value: float) -> str:

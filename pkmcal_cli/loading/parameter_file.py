@@ -13,8 +13,7 @@ from pkmcal_cli.language.fingerprint import Fingerprint, read_fingerprint
 from pkmcal_cli.loading.data_information import DATA
 from pkmcal_cli.loading.ending import Ending, read_ending
 from pkmcal_cli.loading.evidence import MEASURED, UNEXPLAINED, Evidence, read_evidence
-from pkmcal_cli.loading.kept_errors import ERRORS
-from pkmcal_cli.loading.parameter_text import FINGERPRINT
+from pkmcal_cli.loading.parameter_text import ERRORS, FINGERPRINT
 from pkmcal_cli.units.dimensions import Dimension
 from pkmcal_cli.units.unit_text import UNITS, Unit, UnitError, parse_unit, parse_value
 from pkmcal_cli.yaml_source.read import read_source

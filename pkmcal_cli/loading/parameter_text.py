@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 FINGERPRINT = "fingerprint"
+ERRORS = "errors"
+"""Sections of a parameter file."""
+
 _NEIGHBOURS = 3  # floating-point numbers on either side that are tried
 
 

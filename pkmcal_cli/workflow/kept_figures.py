@@ -21,7 +21,7 @@ def check_kept(limits: Iterable[Gate], known: KnownParameters) -> None:
     for gate in limits:
         name = gate.figure.partition(":")[2]
         if name and name not in known.parameters:
-            hint = did_you_mean(name, known.parameters, "it lists all that it knows in `parameters`")
+            hint = did_you_mean(name, known.parameters, "its section `parameters` lists all")
             raise UsageError(f"{gate.option}: {known.file} has no parameter `{name}`", hint=hint)
         if name:
             checked_parameter(gate, name, known.parameters[name].unit)
