@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from functools import partial
 
 from pkmcal_cli.base.errors import FaultList
-from pkmcal_cli.loading.written_sections import written_quantity, written_section
 from pkmcal_cli.units.dimensions import ANGLE, LENGTH
 from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.yaml_source.tree import SourceMap
@@ -79,6 +78,8 @@ _TIMES = "times_noise"
 
 def read_evidence(tree: SourceMap, faults: FaultList) -> Evidence | None:
     """The evidence of a parameter file; None where it says nothing. What cannot be read is added to `faults`."""
+    from pkmcal_cli.loading.written_sections import written_quantity, written_section  # few commands read evidence
+
     measured, left = (written_section(tree, faults, name) for name in (MEASURED, UNEXPLAINED))
     if measured is None:
         return None
