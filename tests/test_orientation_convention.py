@@ -102,6 +102,12 @@ def test_an_instrument_that_is_tilted_has_no_other_convention(sigma: str, place:
     assert not any(words in told for words in ("rotation vector", "another orientation", "other axes")), told
 
 
+def test_a_reflector_that_sits_askew_is_no_convention(tmp_path: Path) -> None:
+    """Orientations of a body turned by 1.7 deg: so little is an error of mounting, with a name of its own."""
+    told = run("check", HEXAPOD, written(tmp_path, lambda r: (r * Rotation.from_rotvec([0.03, 0, 0])).as_rotvec())).err
+    assert "another orientation" not in told and "other axes" not in told, told
+
+
 def test_a_diagnosis_goes_on_with_rotation_vectors(tmp_path: Path) -> None:
     """With them nothing is left but the noise: 5 um of position."""
     done = run("diagnose", HEXAPOD, written(tmp_path, "zyx"))

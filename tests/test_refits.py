@@ -117,6 +117,21 @@ def test_a_fit_that_creeps_above_what_is_hoped_for_is_given_up(chi2: list[float]
     assert Patience(hoped=600.0).ends(chi2) == ended and not COMPARED.ends(chi2)
 
 
+def test_a_contender_is_hoped_to_do_as_its_score_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From where all fits begin; near the fit before, the last way there is, nothing is hoped for."""
+    hoped: list[float] = []
+    plain = refits.identify
+
+    def noting(*given: Any, **options: Any) -> Fit:
+        hoped.append(options["patience"].hoped if "patience" in options else np.nan)
+        return plain(*given, **options)
+
+    monkeypatch.setattr(refits, "identify", noting)
+    d = diagnosed(campaign("scissors", [unit("scissors", "backlash", "q3", 4).scaled(0.6)], 4), 4)
+    assert [f.hypothesis.name for f in d.findings] == ["backlash@q3"]
+    assert 0.0 < min(hoped) < 3.0 * d.search.problem.count, "about 1.5 variances a reading"
+
+
 def test_one_of_several_fits_is_none_where_it_tears_the_machine(tmp_path: Path) -> None:
     """A joint of the redundant delta is 3 mm off in the file: steps lead where drives disagree far too much.
 

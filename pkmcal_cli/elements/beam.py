@@ -45,8 +45,6 @@ class BeamElement(Element):
     `planar` keeps elongation and bending about z only.
     """
 
-    turns_over: ClassVar[bool] = True
-
     planar: bool = False
 
     @cached_property

@@ -42,7 +42,6 @@ class Element(ABC):
     curved: ClassVar[bool] = True  # the strains have second derivatives
     per_length: ClassVar[bool] = False  # stiffness numbers are divided by the first rest value, a natural length
     slides: ClassVar[bool] = False  # travels add to that natural length
-    turns_over: ClassVar[bool] = False  # some strains vanish too where an end is turned over: see `upright`
     sizes: ClassVar[tuple[str, ...]] = ()  # the p numbers that shape a link besides its vector: radii of pulleys
 
     @property
@@ -89,6 +88,11 @@ class Element(ABC):
         rest (N or 1, E, m): natural length, commanded travel, ... Strains in m and rad. Must accept complex arrays
         (derivatives by complex step).
         """
+
+    @property
+    def turns_over(self) -> bool:
+        """Whether some strains vanish too where an end is turned over."""
+        return type(self).upright is not Element.upright
 
     def upright(self, link: LinkGeometry) -> Array | None:
         """Cosines (N, E, k) that are below 0 where an end is turned over, which strains do not tell; None without."""

@@ -14,7 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,8 +71,6 @@ class JointElement(Element):
     `directions` lists those in use, out of x y z rx ry rz; `angle` is the unwrapped rotation of j about z of i, the
     strain of a rotary drive or a torsion spring.
     """
-
-    turns_over: ClassVar[bool] = True
 
     type: str
     directions: tuple[str, ...]
