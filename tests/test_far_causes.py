@@ -12,7 +12,7 @@ import pytest
 
 from pkmcal_cli.base.budget import Budget
 from pkmcal_cli.calibration.identify import RowsFailed, identify
-from pkmcal_cli.diagnosis import far_causes
+from pkmcal_cli.diagnosis import far_causes, far_starts
 from pkmcal_cli.diagnosis.far_causes import with_far_causes
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.off_nominal import run_off
@@ -153,7 +153,7 @@ def test_a_nominal_machine_that_predicts_nothing_has_no_far_cause(
     def lost(*_: object) -> None:
         raise RowsFailed(search.fit.after)
 
-    monkeypatch.setattr(far_causes, "linear_problem", lost)
+    monkeypatch.setattr(far_starts, "linear_problem", lost)
     assert with_far_causes(search) is search
 
 

@@ -103,7 +103,8 @@ def predicted(name: str, way: str, method: Method) -> dict[str, Array]:
     order = [own.index(w.name(drive)) for drive in at]
     table = np.zeros((POSES, len(own)))
     table[:, order] = np.column_stack(list(at.values()))
-    asked = Request(method, tuple(free), by_drive=True, forces=True) if method == "exact" else Request(method)
+    exact = method == "exact"
+    asked = Request(method=method, parameters=tuple(free) if exact else None, by_drive=exact, forces=exact)
     found = predict(m, values, Rows.at(table), asked)
     assert found.solved.all()
     if method != "exact":

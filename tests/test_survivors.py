@@ -39,12 +39,12 @@ def test_linear_is_one_step_without_geometric_stiffness() -> None:
     short = 2e-3  # m by which the leg is commanded shorter than the pose that the carriages hold
     pose = machine.tool.reference[None] + [0.08, 0.02, 0, 0, 0, 0]  # not above the middle: the leg is turned
     readings = drive_positions(machine, pose).readings
-    rigid = at(machine, readings, Request("rigid")).values[0, :2]
+    rigid = at(machine, readings, Request(method="rigid")).values[0, :2]
     base = np.array([[readings[0, 0], 0.1], [readings[0, 1], 0.1], [0.36, 0.65]])
     chord = rigid - base
     n, stiffness = chord / np.linalg.norm(chord, axis=1)[:, None], np.array([5e7, 5e7, 2e7])
     step = np.linalg.solve((n.T * stiffness) @ n, -(n.T @ (stiffness * [0.0, 0.0, short])))
-    found = at(machine, readings - [0, 0, short], Request("linear")).values[0, :2]
+    found = at(machine, readings - [0, 0, short], Request(method="linear")).values[0, :2]
     np.testing.assert_allclose(found - rigid, step, rtol=1e-9, atol=1e-13)
 
 

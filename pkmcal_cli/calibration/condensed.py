@@ -40,10 +40,12 @@ def evaluate_condensed(
     start: WarmStart | None = None,
     shift: Array | None = None,
     compare: bool = True,
+    *,
+    sparing: bool = False,
 ) -> Evaluation:
     """As `evaluate`; of a long table with triangles instead of derivatives."""
     if not is_long(problem):
-        return evaluate(problem, values, parameters, start, shift, compare=compare)
+        return evaluate(problem, values, parameters, start, shift, compare=compare, sparing=sparing)
     triangles = Triangles(problem, len(parameters))
 
     def add(_: slice, part: Problem, part_evaluation: Evaluation) -> None:

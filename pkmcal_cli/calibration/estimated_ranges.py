@@ -14,15 +14,18 @@ from pkmcal_cli.calibration.condensed import condensed
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identifiability import UNSEEN, Directions, directions
 from pkmcal_cli.calibration.identify import RowsFailed, identify
+from pkmcal_cli.calibration.patience import EXACT, Patience
 from pkmcal_cli.calibration.prior import prior_of_ranges
 from pkmcal_cli.calibration.problem import Problem
 
 _NARROWER = 1.5  # a part of the rows makes ranges no narrower than by this
 
 
-def with_estimated_ranges(problem: Problem, fit: Fit, start: Array, factors: Array) -> tuple[Problem, Fit]:
+def with_estimated_ranges(
+    problem: Problem, fit: Fit, start: Array, factors: Array, patience: Patience = EXACT
+) -> tuple[Problem, Fit]:
     """Problem and fit with ranges of the selected parameters, then of the datum's, times factors (p + g,); unchanged
-    where nothing is held.
+    where nothing is held, or no fit converges.
 
     start (P,): where the fit began; what the data do not see stays there, and what they hardly see at nominal.
     """
@@ -43,7 +46,7 @@ def with_estimated_ranges(problem: Problem, fit: Fit, start: Array, factors: Arr
     else:
         wider = replace(wider, prior=prior_of_ranges(wider.model, fit.selected, wider.datum, start))
     try:
-        again = identify(wider, fit.selected, values, shift=fit.shift, states=fit.last.start)
+        again = identify(wider, fit.selected, values, shift=fit.shift, states=fit.last.start, patience=patience)
     except RowsFailed:
         return problem, fit
     if again.status != "converged" or again.failed:

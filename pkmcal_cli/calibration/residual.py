@@ -58,16 +58,21 @@ def evaluate(
     start: WarmStart | None = None,
     shift: Array | None = None,
     compare: bool = True,
+    *,
     receive: Receiver | None = None,
+    sparing: bool = False,
 ) -> Evaluation:
     """Residuals at `values`, with derivatives with respect to `parameters` and drives where these are asked.
 
-    `shift` (N, A): errors of the drive readings, m or rad, by default zero; `compare`: see `Request`; `receive`: see
-    `predict`.
+    `shift` (N, A): errors of the drive readings, m or rad, by default zero; `compare` and `sparing`: see `Request`;
+    `receive`: see `predict`. Raises RowLost where it is sparing.
     """
     frames = () if problem.frames is None else problem.frames.shared
     asked = None if parameters is None else (*parameters, *frames)
-    request = Request(problem.method, parameters=asked, by_drive=parameters is not None, compare=compare)
+    by_drive = parameters is not None
+    request = Request(
+        method=problem.method, parameters=asked, by_drive=by_drive, compare=compare, sparing=sparing
+    )  # fmt: skip
     moved = problem.rows if shift is None or not shift.any() else problem.moved(shift)
     every = bool(problem.measured.all())
     rows = replace(moved, measured=problem.readings if every else np.where(problem.measured, problem.readings, np.nan))

@@ -22,6 +22,7 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, Linearised, chi_square
 from pkmcal_cli.calibration.second_order import SecondOrder
 from pkmcal_cli.calibration.trust_region import Region, confined
+from pkmcal_cli.prediction import RowLost
 from pkmcal_cli.units.measurands import Measurand
 
 _STEP = 1e-8  # converged: the next step would be shorter than this share of the ranges ...
@@ -83,14 +84,14 @@ def advance(
     little = {"gradient": _GAIN * near.chi2, "rounding": blur, "enough": patience.little(near.chi2, problem.count)}
     if end := _end(full, near.chi2 - near.expected(full * scale.ranges) - region.bent.added(full), little):
         last = _moved(problem, scale, evaluation, near, full, compare)
-        return (last if last.solved else evaluation), region, end
+        return last or evaluation, region, end
     while True:
         damped = condensed(problem, evaluation, region.damping) if region.damping > 0.0 else near
         step = full if region.holds(full) else _step(scale, values, near, damped, region.bent, region)
         if lost or (np.abs(step).max() < _STEP if len(step) else region.damping > _HEAVY):
             return evaluation, region, "no_descent"
         trial = _moved(problem, scale, evaluation, damped, step, compare)
-        if trial.solved and (gained := near.chi2 - chi_square(problem, trial)) >= -blur:
+        if trial and (gained := near.chi2 - chi_square(problem, trial)) >= -blur:
             linear = near.chi2 - damped.expected(step * scale.ranges)
             kept = _share(gained, linear - region.bent.added(step))
             if not region.doubts(step, kept):
@@ -141,14 +142,18 @@ def _blur(problem: Problem, chi2: float) -> float:
 
 def _moved(
     problem: Problem, scale: Scaled, evaluation: Evaluation, near: Linearised, step: Array, compare: bool
-) -> Evaluation:
-    """The evaluation after a step (p,) in range units, drive errors following."""
+) -> Evaluation | None:
+    """The evaluation after a step (p,) in range units, drive errors following; None if anything measured is lost."""
     values = evaluation.values.copy()
     values[scale.index] = np.clip(values[scale.index] + step * scale.ranges, scale.low, scale.high)
     shift = near.shift(step * scale.ranges)
     if near.frames is not None:
         values = near.frames.moved(values, step * scale.ranges)
-    return evaluate_condensed(problem, values, scale.names, evaluation.start, shift, compare)
+    try:
+        there = evaluate_condensed(problem, values, scale.names, evaluation.start, shift, compare, sparing=True)
+    except RowLost:
+        return None
+    return there if there.solved else None
 
 
 def _step(

@@ -25,14 +25,14 @@ _SUSPECT = 0.05  # chance that any row is as far off, at which one is told
 _ORDINARY = 0.01  # p value above which a row that was taken out is put back
 
 
-def without_gross_rows(search: Search, parts: Alpha, seed: int) -> Search:
+def without_gross_rows(search: Search, bare: Problem, parts: Alpha, seed: int) -> Search:
     """The search without rows that are beyond all noise, and without readings of the bench that the others contradict.
 
     Unless one effect explains nearly all that several are off by. One proves no effect: a misread drive moves along
-    what every effect of this drive does.
+    what every effect of this drive does. `bare`: the problem as it was fitted.
     """
     begin, states, once = search.start, search.fit.before.start, search.problem.once
-    rows, fit = gross_rows(search.problem, search.declared, parts.rows, seed, start=begin, states=states)
+    rows, fit = gross_rows(bare, search.declared, parts.rows, seed, start=begin, states=states, known=search.known)
     table = replace(search, problem=search.problem.leaving_out(once))
     if fit is not None and len(rows) > 1 and _of_one_cause(table, fit, rows):
         rows, fit = (), None

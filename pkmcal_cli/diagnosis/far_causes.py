@@ -10,7 +10,7 @@ left is how far these are off: as improbable as their ranges say.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -20,20 +20,19 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.stages import Observer, Stage, unobserved
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
+from pkmcal_cli.calibration.patience import SHORT, Patience
 from pkmcal_cli.calibration.plausible import implausible_residuals
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import evaluate, lost_rows
 from pkmcal_cli.diagnosis.confirm import held_out_gain
+from pkmcal_cli.diagnosis.far_starts import TIMES, absorbed, far_starts
 from pkmcal_cli.diagnosis.first_fit import OUT
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
-from pkmcal_cli.diagnosis.linear import Linear, linear_problem
 from pkmcal_cli.diagnosis.near_causes import with_near_cause
 from pkmcal_cli.diagnosis.off_nominal import NOWHERE, beyond_ranges, furthest, off_nominal
 from pkmcal_cli.diagnosis.score import UNUSUAL
 from pkmcal_cli.diagnosis.scoring import FarOff, Search
 
 _KINDS = ("zero", "scale", "meas_zero", "meas_scale")
-_TIMES = 25.0  # chi-square over its degrees of freedom, from which on that is looked into
 _EXPLAINED = 0.75  # share of chi-square that a far cause explains
 _WORTH = 0.5  # share of chi-square that it may leave after a few steps
 _BACK = 0.5  # share of the furthest offset that may be left with it
@@ -41,14 +40,13 @@ _ROWS, _STEPS, _LAST_STEPS = 150, 12, 30  # rows and steps of a screening fit, s
 _CLEARLY = 25.0  # times the squares that a cause of all leaves linearly, which another one must leave to be none
 _CANDIDATES, _BEST, _MOST = 48, 5, 2  # that are screened, fitted from several starts, and named one after the other
 _RIVAL = 0.02  # weight from which on a hypothesis is told beside the best
-_FEW = 4  # rows by which a reversed sign is tried
-_REVERSED = -2.0  # scale of a drive whose sign is wrong
 
 
 def with_far_causes(search: Search, observe: Observer = unobserved) -> Search:
     """The search with far-off causes accepted, one after the other, where the calibration has run away."""
-    budget = Budget()
-    while len(search.far_off) < _MOST and (_absorbed(search) or (_run_away(search) and not _held_explain(search))):
+    budget: Budget | None = None
+    while len(search.far_off) < _MOST and (absorbed(search) or (_run_away(search) and not _held_explain(search))):
+        budget = budget or Budget()
         candidates = [h for h in search.open if h.effect in _KINDS and not h.session]
         candidates.sort(key=lambda h: len(h.unknown))  # few numbers first, where there are too many or no time
         try:
@@ -61,17 +59,17 @@ def with_far_causes(search: Search, observe: Observer = unobserved) -> Search:
     return search
 
 
+def far_beyond(before: Search, after: Search) -> bool:
+    """Whether something was accepted, and all of it is far beyond its usual size: no calibration explains it away."""
+    return bool(after.accepted) and all(_size(before, h, after.fit) > UNUSUAL for h in after.accepted)
+
+
 def _run_away(search: Search) -> bool:
     """Whether a calibration has taken declared parameters out of their ranges, or leaves most of what it began with."""
     fit = search.fit
-    if not fit.chi2_per_dof > _TIMES:
+    if not fit.chi2_per_dof > TIMES:
         return False
     return bool(beyond_ranges(search, fit)) or bool(implausible_residuals(search.problem, fit))
-
-
-def _absorbed(search: Search) -> bool:
-    """Whether a calibration leaves little, but puts a declared parameter where no machine has it."""
-    return search.fit.chi2_per_dof <= _TIMES and furthest(search, search.fit) > NOWHERE
 
 
 def _from_nominal(search: Search) -> Search:
@@ -81,7 +79,7 @@ def _from_nominal(search: Search) -> Search:
 
 def _misfit(search: Search, fit: Fit, share: float = 1.0) -> float:
     """Chi-square, times a share, and where parameters have taken up what was off, how improbable they are, as much."""
-    if not _absorbed(search):
+    if not absorbed(search):
         return share * fit.chi2
     improbable = float(((2.0 * off_nominal(search, fit)[2]) ** 2).sum())
     return share * fit.chi2 + max(search.fit.chi2_per_dof, 1.0) * improbable
@@ -93,15 +91,16 @@ def _held_explain(search: Search) -> bool:
     held = tuple(n for h in search.open if h.effect == RELEASE for n in h.parameters)
     if not held:
         return False
-    chosen = {*search.selected, *held}
+    chosen, most = {*search.selected, *held}, (1 - _EXPLAINED) * search.fit.chi2
     try:
         names = tuple(n for n in model.names if n in chosen)
-        fit = identify(search.problem, names, search.start, _STEPS, states=search.fit.before.start)
+        states, patience = search.fit.before.start, replace(SHORT, hoped=most)
+        fit = identify(search.problem, names, search.start, _STEPS, states=states, patience=patience)
     except (RowsFailed, np.linalg.LinAlgError):
         return False
     index = [model.names.index(n) for n in held]
     off = np.abs(fit.values[index] - model.nominal[index]) / model.ranges[index]
-    return fit.chi2 < (1 - _EXPLAINED) * search.fit.chi2 and float(off.max(initial=0.0)) < OUT
+    return fit.chi2 < most and float(off.max(initial=0.0)) < OUT
 
 
 def _best(
@@ -114,20 +113,21 @@ def _best(
     screened, untried = _screened(search, candidates, observe, budget)
     variance = max(min((f.chi2_per_dof for f in screened.values()), default=1.0), 1.0)
     order = sorted(screened, key=lambda h: _cost(search, screened[h], h, variance))[:_BEST]
-    ends = {h: fit for h in order if (fit := _fitted(search, h, screened[h])) is not None}
+    hoped = _CLEARLY * min((f.chi2_per_dof for f in screened.values()), default=1.0) * search.problem.count
+    ends = {h: fit for h in order if (fit := _fitted(search, h, screened[h], hoped)) is not None}
     variance = max(min((f.chi2_per_dof for f in ends.values()), default=1.0), 1.0)
     cost = {h: _cost(search, fit, h, variance) for h, fit in ends.items()}
     able = [h for h in sorted(ends, key=lambda h: cost[h]) if _explains(search, ends[h])]
     for hypothesis in able:
         if not _is_far(search, hypothesis, ends[hypothesis]):
-            explained = ends[hypothesis].chi2_per_dof <= _TIMES
+            explained = ends[hypothesis].chi2_per_dof <= TIMES
             return (with_near_cause(search, hypothesis, ends[hypothesis]) if explained else None), untried
         competing = [h for h in able if h is hypothesis or not h.akin(hypothesis)]
         weight = np.exp([cost[hypothesis] - cost[h] for h in competing])
         rivals = [(h.whole, float(w / weight.sum())) for h, w in zip(competing, weight, strict=True)]
         far_off = FarOff(
             offsets=beyond_ranges(search, search.fit), rivals=tuple(r for r in rivals if r[1] > _RIVAL),
-            absorbed=search.fit if _absorbed(search) else None,
+            absorbed=search.fit if absorbed(search) else None,
         )  # fmt: skip
         extended = _with(search, hypothesis, ends[hypothesis], far_off)
         gain = held_out_gain(extended, extended.accepted[-1])
@@ -154,80 +154,35 @@ def _screened(
     gross = bool(implausible_residuals(search.problem, search.fit))
     most = _WORTH * _misfit(search, search.fit, some.problem.count / search.problem.count)
     out: dict[Hypothesis, Fit] = {}
-    every, most_left = _starts(some, candidates, gross), np.inf
+    every, most_left, most_by_drives, hoped = far_starts(some, candidates, gross), np.inf, np.inf, np.inf
     for k, start in enumerate(every):
         observe(Stage("far-off causes", k, len(every)))
-        if start.left > most_left:
+        if start.left > most_left or (start.by_drives or 0.0) > most_by_drives:
             continue
+        patience = replace(SHORT, chi2=hoped, hoped=hoped)
         try:
-            fits = [_fit(some, start.hypothesis, values, _STEPS, budget) for values in start.values]
+            fits = [_fit(some, start.hypothesis, values, _STEPS, patience, budget) for values in start.values]
         except OutOfTime:
             return out, tuple(s.hypothesis.name for s in every[k:])
         best = min((f for f in fits if f is not None), key=partial(_misfit, search), default=None)
         if best is not None and _misfit(search, best) < most:
             out[start.hypothesis] = best
-            if best.chi2_per_dof <= _TIMES and furthest(search, best) <= OUT:
+            if best.chi2_per_dof <= TIMES and furthest(search, best) <= OUT:
                 most_left = min(most_left, _CLEARLY * start.left)
+                most_by_drives = min(most_by_drives, _CLEARLY * (start.by_drives or np.inf))
+                hoped = min(hoped, _CLEARLY * best.chi2)
     return out, ()
 
 
-@dataclass(frozen=True)
-class _Start:
-    """Values (P,), SI, at which fits with a candidate begin, and the squares that it leaves of the nominal machine's
-    error, linearly."""
-
-    hypothesis: Hypothesis
-    values: tuple[Array, ...]
-    left: float
-
-
-def _starts(search: Search, candidates: Sequence[Hypothesis], gross: bool) -> list[_Start]:
-    """Where fits with candidates begin: where one explains most of the nominal machine's error.
-
-    Those with few numbers first, then those that leave least.
-    gross: errors are left that are large beside the machine: there a sign reversed too, if it predicts anything.
-    """
-    nominal, out = search.start, []
-    linear, left = _left_at_nominal(search, [n for h in candidates for n in h.parameters])
-    for h in candidates:
-        columns = linear.of(h.parameters) / linear.scale_of(h.parameters)
-        index = [search.problem.model.names.index(n) for n in h.parameters]
-        near, reversed_ = nominal.copy(), nominal.copy()
-        near[index] = size = np.linalg.lstsq(columns, left, rcond=1e-9)[0]
-        reversed_[index] = _REVERSED
-        other = (reversed_,) if gross and h.effect == "scale" and _predicts(search, reversed_) else ()
-        out.append(_Start(h, (near, *other), float(((left - columns @ size) ** 2).sum())))
-    return sorted(out, key=lambda start: (len(start.hypothesis.unknown), start.left))
-
-
-def _left_at_nominal(search: Search, names: Sequence[str]) -> tuple[Linear, Array]:
-    """Columns of parameters, and what the nominal machine leaves (n,), whitened.
-
-    Where the calibration fits, linear from there: the nominal machine may be so far off that it predicts nothing.
-    """
-    others = dict.fromkeys(names)
-    if not _absorbed(search):
-        linear = linear_problem(search.problem, search.start, (), list(others), None)
-        return linear, linear.residual
-    declared, off, _ = off_nominal(search, search.fit)
-    linear = linear_problem(search.problem, search.fit.values, (), [*others, *declared], None)
-    return linear, linear.residual + linear.of(declared) @ (off / linear.scale_of(declared))
-
-
-def _predicts(search: Search, values: Array) -> bool:
-    """Whether most of a few rows are predicted at values (P,): to look for poses that no machine reaches takes long."""
-    few = search.problem.take(np.linspace(0, len(search.problem) - 1, _FEW).astype(np.intp))
-    return 2 * len(lost_rows(few, evaluate(few, values, None))) < len(few)
-
-
 def _fit(
-    search: Search, hypothesis: Hypothesis, start: Array, steps: int, budget: Budget | None = None
+    search: Search, hypothesis: Hypothesis, start: Array, steps: int, patience: Patience, budget: Budget | None = None
 ) -> Fit | None:
     """A fit with a hypothesis of any size from values (P,), SI; None where it fails. Raises OutOfTime."""
     check = None if budget is None else budget.check
     problem, chosen = of_any_size(search.problem, hypothesis), {*search.selected, *hypothesis.unknown}
     try:
-        return identify(problem, tuple(n for n in problem.model.names if n in chosen), start, steps, check)
+        selected = tuple(n for n in problem.model.names if n in chosen)
+        return identify(problem, selected, start, steps, check, patience=patience)
     except (RowsFailed, np.linalg.LinAlgError):
         return None
 
@@ -241,11 +196,17 @@ def of_any_size(problem: Problem, hypothesis: Hypothesis) -> Problem:
     return replace(problem, model=problem.model.with_ranges(ranges))
 
 
-def _fitted(search: Search, hypothesis: Hypothesis, screened: Fit) -> Fit | None:
-    """The best fit of all rows with a hypothesis, from where the screening ended and from the nominal machine."""
+def _fitted(search: Search, hypothesis: Hypothesis, screened: Fit, hoped: float) -> Fit | None:
+    """The best fit of all rows with a hypothesis, from where the screening ended, or else from the nominal machine.
+
+    None where none comes near the chi-square that is hoped for.
+    """
     if screened.status == "converged" and len(search.problem) <= _ROWS:
         return screened
-    fits = [_fit(search, hypothesis, start, _LAST_STEPS) for start in (screened.values, search.start)]
+    patience = Patience(chi2=hoped, hoped=hoped)
+    fits = [_fit(search, hypothesis, screened.values, _LAST_STEPS, patience)]
+    if (first := fits[0]) is None or first.status != "converged" or first.chi2 > hoped:
+        fits.append(_fit(search, hypothesis, search.start, _LAST_STEPS, patience))
     return min((f for f in fits if f is not None), key=partial(_misfit, search), default=None)
 
 
@@ -267,10 +228,14 @@ def _with(search: Search, hypothesis: Hypothesis, fit: Fit, far_off: FarOff) -> 
 
 def _is_far(search: Search, hypothesis: Hypothesis, fit: Fit) -> bool:
     """Whether a cause is far off, or declared parameters are without it."""
+    return _size(search, hypothesis, fit) > UNUSUAL or furthest(search, search.fit) > NOWHERE
+
+
+def _size(search: Search, hypothesis: Hypothesis, fit: Fit) -> float:
+    """The largest number of a hypothesis, in usual sizes: ranges of the search."""
     model = search.problem.model
     index = [model.names.index(n) for n in hypothesis.unknown]
-    size = float((np.abs(fit.values[index] - model.nominal[index]) / model.ranges[index]).max(initial=0.0))
-    return size > UNUSUAL or furthest(search, search.fit) > NOWHERE
+    return float((np.abs(fit.values[index] - model.nominal[index]) / model.ranges[index]).max(initial=0.0))
 
 
 def _explains(search: Search, fit: Fit) -> bool:

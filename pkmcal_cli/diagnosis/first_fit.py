@@ -17,6 +17,7 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.starts import best_of_starts
 from pkmcal_cli.diagnosis.gross_rows import gross_rows
 from pkmcal_cli.diagnosis.hypotheses import Candidates
+from pkmcal_cli.diagnosis.known_results import KnownResults
 from pkmcal_cli.diagnosis.search_options import SearchOptions
 
 OUT = 3.0
@@ -30,32 +31,61 @@ _SOON = 15  # steps in which fits converge, unless something is wrong
 def calibrated(
     candidates: Candidates, problem: Problem, selected: tuple[str, ...], options: SearchOptions
 ) -> tuple[Candidates, Fit]:
+    """The fit that is diagnosed, and where fits begin; from further starts, if it does not converge."""
+    known = KnownResults()
+    candidates, fit = calibrated_from_nominal(candidates, problem, selected, options, known)
+    if fit.status == "not_converged":
+        return calibrated_from_starts(candidates, problem, fit, options, known)
+    return candidates, fit
+
+
+def calibrated_from_nominal(
+    candidates: Candidates, problem: Problem, selected: tuple[str, ...], options: SearchOptions, known: KnownResults
+) -> tuple[Candidates, Fit]:
     """The fit that is diagnosed, and where fits begin.
 
     That is as given, but at nominal values in directions that the data hardly see: the ranges hold them there, also
     where these turned on a long way. Where the fit does not soon converge, it is that of the other rows, if some are
-    gross where it begins; where it does not at all, that from further starts, and all fits begin where it ended.
+    gross where it begins; it may not converge at all.
     """
     start = replace(candidates, model=problem.model).begin()
     fit = identify(problem, selected, start, iterations=_SOON, patience=SHORT)
     if fit.status == "not_converged":
         states = fit.before.start
-        _, others = gross_rows(problem, selected, options.parts.rows, options.seed, start=start, states=states)
-        if others is not None and others.status == "converged":
+        chance, seed = options.parts.rows, options.seed
+        _, others = gross_rows(problem, selected, chance, seed, start=start, states=states, known=known)
+        if others is not None:
             return candidates, others
         fit = identify(problem, selected, start, states=states)
     if fit.status == "not_converged":
-        best, _ = best_of_starts(problem, selected, start, fit, 0, seed=options.seed, observe=options.observe)
-        if best is None or best.status != "converged":
-            return candidates, fit if best is None else best
-        candidates, fit = replace(candidates, start=best.values), replace(best, before=best.after)
-    elif candidates.start is not None and fit.directions.weak.any():
+        return candidates, fit
+    if candidates.start is not None and fit.directions.weak.any():
         start = centred(problem, start, start, fit.directions)
         candidates, fit = replace(candidates, start=start), identify(problem, selected, start, states=fit.before.start)
+    return _from_its_end(candidates, problem, fit, options, known)
+
+
+def calibrated_from_starts(
+    candidates: Candidates, problem: Problem, fit: Fit, options: SearchOptions, known: KnownResults
+) -> tuple[Candidates, Fit]:
+    """The best fit from further starts, where one from nominal did not converge; all begin where it ends."""
+    start, selected = replace(candidates, model=problem.model).begin(), fit.selected
+    best, _ = best_of_starts(problem, selected, start, fit, 0, seed=options.seed, observe=options.observe)
+    if best is None or best.status != "converged":
+        return candidates, best or fit
+    candidates, best = replace(candidates, start=best.values), replace(best, before=best.after)
+    return _from_its_end(candidates, problem, best, options, known)
+
+
+def _from_its_end(
+    candidates: Candidates, problem: Problem, fit: Fit, options: SearchOptions, known: KnownResults
+) -> tuple[Candidates, Fit]:
+    """A fit that has converged, from where it ends, as long as that changes what ranges hold."""
+    start, selected = replace(candidates, model=problem.model).begin(), fit.selected
     if fit.status == "converged" and not _ran_away(problem, fit) and _drift(problem, fit) > _DRIFTED:
         start = centred(problem, fit.values, start, fit.directions)
         candidates, fit = replace(candidates, start=start), identify(problem, selected, start, states=fit.after.start)
-    return _by_wider_ranges(candidates, problem, fit, options)
+    return _by_wider_ranges(candidates, problem, fit, options, known)
 
 
 def _drift(problem: Problem, fit: Fit) -> float:
@@ -67,7 +97,7 @@ def _drift(problem: Problem, fit: Fit) -> float:
 
 
 def _by_wider_ranges(
-    candidates: Candidates, problem: Problem, fit: Fit, options: SearchOptions
+    candidates: Candidates, problem: Problem, fit: Fit, options: SearchOptions, known: KnownResults
 ) -> tuple[Candidates, Fit]:
     """The fit from where one with ranges as they turn out to be ends, and that fits begin there; if it is better.
 
@@ -76,7 +106,8 @@ def _by_wider_ranges(
     if fit.status != "converged" or not _ran_away(problem, fit):
         return candidates, fit
     start, states = replace(candidates, model=problem.model).begin(), fit.before.start
-    rows, others = gross_rows(problem, fit.selected, options.parts.rows, options.seed, start=start, states=states)
+    chance, seed = options.parts.rows, options.seed
+    rows, others = gross_rows(problem, fit.selected, chance, seed, start=start, states=states, known=known)
     if others is None:
         wider = _wider(problem, fit, start)
         return (candidates, fit) if wider is None else (replace(candidates, start=wider.values), wider)
@@ -102,7 +133,8 @@ def _wider(problem: Problem, fit: Fit, start: Array) -> Fit | None:
     it does not explain what is left."""
     problem = problem.without(fit.failed)
     budget = error_budget(problem, fit, held_parameters(problem, fit.selected, ()))
-    _, again = with_estimated_ranges(problem, fit, start, budget.factors)
+    patience = replace(SHORT, hoped=_LEFT * fit.chi2)
+    _, again = with_estimated_ranges(problem, fit, start, budget.factors, patience)
     if again is fit:
         return None
     wider = identify(problem, fit.selected, again.values, states=again.after.start)

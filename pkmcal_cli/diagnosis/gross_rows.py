@@ -7,6 +7,8 @@ noise, tails included, and if no effect of the catalogue explains it.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc
@@ -16,8 +18,10 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.condensed import evaluate_in_parts
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
+from pkmcal_cli.calibration.patience import SHORT
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, linearise
+from pkmcal_cli.diagnosis.known_results import KnownResults
 from pkmcal_cli.diagnosis.outlying_rows import Tails
 from pkmcal_cli.diagnosis.rows_by_session import Index, RowsBySession, Steps
 from pkmcal_cli.prediction import WarmStart
@@ -46,13 +50,31 @@ def gross_rows(
     *,
     start: Array | None = None,
     states: WarmStart | None = None,
+    known: KnownResults | None = None,
 ) -> tuple[Rows, Fit | None]:
     """Rows that are beyond all noise, at a chance of alpha for the whole table, and the fit of the others, no bench.
 
     least: standard deviations, as the others scatter, that they are off at least. start (P,): values, SI, that fits
-    begin with and that held parameters have; default: nominal. states: of the rows there.
+    begin with and that held parameters have; default: nominal. states: of the rows there. known: what was found before.
     """
-    problem, begin = problem.leaving_out(problem.once), problem.model.nominal if start is None else start
+    begin = problem.model.nominal if start is None else start
+    find = partial(_gross_rows, problem, selected, alpha, seed, least, begin=begin, states=states)
+    key = ("gross rows", selected, alpha, seed, least, begin.tobytes())
+    return find() if known is None else known.once((problem,), key, find)
+
+
+def _gross_rows(
+    problem: Problem,
+    selected: tuple[str, ...],
+    alpha: float,
+    seed: int,
+    least: float,
+    *,
+    begin: Array,
+    states: WarmStart | None,
+) -> tuple[Rows, Fit | None]:
+    """As `gross_rows`."""
+    problem = problem.leaving_out(problem.once)
     values, fit = begin, None
     gross: Rows = ()
     for _ in range(_ROUNDS):
@@ -66,7 +88,7 @@ def gross_rows(
             break
         gross = judged
         try:
-            fit = identify(problem.without(gross), selected, begin, states=states)
+            fit = identify(problem.without(gross), selected, begin, states=states, patience=SHORT)
         except RowsFailed:
             return (), None
         if not fit.usable:

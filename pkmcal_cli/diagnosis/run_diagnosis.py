@@ -20,10 +20,11 @@ from pkmcal_cli.diagnosis.bad_rows import (
     without_gross_rows,
 )
 from pkmcal_cli.diagnosis.exchanges import swapped
-from pkmcal_cli.diagnosis.far_causes import with_far_causes
+from pkmcal_cli.diagnosis.far_causes import far_beyond, with_far_causes
 from pkmcal_cli.diagnosis.findings import Finding, findings_of, sizes_seen
-from pkmcal_cli.diagnosis.first_fit import calibrated
+from pkmcal_cli.diagnosis.first_fit import calibrated, calibrated_from_nominal, calibrated_from_starts
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
+from pkmcal_cli.diagnosis.known_results import KnownResults
 from pkmcal_cli.diagnosis.left_over import left_over
 from pkmcal_cli.diagnosis.nameless import with_all_in_one, with_shape
 from pkmcal_cli.diagnosis.noise_growth import NoiseGrowth, weighted
@@ -212,49 +213,75 @@ def named(
 
 @dataclass(frozen=True, kw_only=True)
 class _Begun:
-    """A search before anything is accepted: `every` row, `start` without gross ones; all hypotheses scored there."""
+    """A search before anything is accepted: `every` row, `start` without gross ones; all hypotheses scored there.
+
+    far: with far-off causes.
+    """
 
     every: Search
     start: Search
+    far: Search
     first: Scored
     same: dict[str, str]
 
 
 def _begun(candidates: Candidates, problem: Problem, selected: tuple[str, ...], options: SearchOptions) -> _Begun:
+    """Far-off causes before further starts, which are dear: without such a cause no fit converges."""
     options.observe(Stage("calibration"))
-    candidates, before = calibrated(candidates, problem, selected, options)
-    problem = problem.without(before.failed)
-    model = fixed_smoothing(problem.model, before.values, problem.rows, before.after.start)
-    problem, candidates = replace(problem, model=model), replace(candidates, model=model)
+    known = KnownResults()
+    candidates, fit = calibrated_from_nominal(candidates, problem, selected, options, known)
+    begun = _begun_with(candidates, problem, selected, fit, options, known=known)
+    if fit.status != "not_converged" or far_beyond(begun.start, begun.far):
+        return begun
+    candidates, again = calibrated_from_starts(candidates, problem, fit, options, known)
+    return begun if again is fit else _begun_with(candidates, problem, selected, again, options, known=known)
+
+
+def _begun_with(
+    candidates: Candidates,
+    problem: Problem,
+    selected: tuple[str, ...],
+    before: Fit,
+    options: SearchOptions,
+    *,
+    known: KnownResults,
+) -> _Begun:
+    """A search that begins with a fit."""
+    bare = problem.without(before.failed)
+    model = fixed_smoothing(bare.model, before.values, bare.rows, before.after.start)
+    problem, candidates = replace(bare, model=model), replace(candidates, model=model)
     every = Search(
         candidates=candidates,
         problem=problem,
         declared=selected,
         fit=before,
         failed=before.failed,
+        known=known,
         inflation=1.0 if options.loss == "squares" else normal_figures(options.loss)[1],
     )
     options.observe(Stage("gross rows"))
-    start = without_gross_rows(every, options.parts, options.seed)
+    start = without_gross_rows(every, bare, options.parts, options.seed)
     first = score_all(start, [h.whole for h in candidates.hypotheses])
     same = same_as_parameters(first)
     candidates = replace(candidates, hypotheses=tuple(h for h in candidates.hypotheses if h.name not in same))
     start = replace(start, candidates=candidates, shown=shown_kind(start.problem, start.fit))
-    return _Begun(every=every, start=start, first=first, same=same)
+    far = with_far_causes(start, options.observe)
+    return _Begun(every=every, start=start, far=far, first=first, same=same)
 
 
 def _ended(begun: _Begun, options: SearchOptions) -> Search:
-    search = _searched(alone := with_all_in_one(begun.start, begun.first), options)
-    if alone.shapes and search.accepted:  # then it does not explain all by itself
-        search = _searched(begun.start, options)
+    search = _searched(begun, options)
     options.observe(Stage("exchanges"))
     search = restored(swapped(search))
     options.observe(Stage("held-out rows"))
     return without_imitations(_with_shapes(confirmed_only(search), options))
 
 
-def _searched(start: Search, options: SearchOptions) -> Search:
-    return run_search(with_far_causes(start, options.observe), options)
+def _searched(begun: _Begun, options: SearchOptions) -> Search:
+    """The search with far-off causes, or with a shape that explains all by itself, or else with effects."""
+    alone = with_all_in_one(begun.far, begun.first)  # a cause may be a straight line of any size, which a shape has too
+    search = run_search(alone, options)
+    return run_search(begun.far, options) if alone.shapes and search.accepted else search
 
 
 def _with_shapes(search: Search, options: SearchOptions) -> Search:

@@ -54,10 +54,14 @@ class NewtonOptions:
 
 @dataclass
 class Effort:
-    """How many elastic steps (assembly and solve of one row) were spent."""
+    """How many elastic steps (assembly and solve of one row) were spent.
+
+    sparing: rows of which one is lost are of no use, so that none is spent on the others.
+    """
 
     steps: int = 0
     per_round: list[int] = field(default_factory=list)
+    sparing: bool = False
 
     def add(self, rows: int) -> None:
         """Count one step of `rows` rows."""
@@ -230,7 +234,7 @@ def follow(
     """Move solved rows from coefficients `start` to `target`: in one go, and by halved steps where that fails.
 
     `state` solves the rows at `start`; numbers: what `target` says, where that is known. A row that needs steps below
-    1/256 of the way, or more than 128 of them, keeps its failure.
+    1/256 of the way, or more than 128 of them, keeps its failure; with a sparing effort so do those under way then.
     """
     placed = place_prescribed(system.topology, target, state, free=system.free)
     final, status = newton(system, target if numbers is None else numbers, placed, length, options, effort)
@@ -239,7 +243,7 @@ def follow(
         return final, status
     origin = start(todo) if callable(start) else coefficients_of(start, todo)
     path = _Path(system, origin, coefficients_of(target, todo), state.take(todo), len(todo))
-    while len(path.todo):
+    while len(path.todo) and not (effort.sparing and path.lost):
         rows, part = path.stride_on(length, options, effort)
         arrived = todo[rows]
         final, status[arrived] = final.put(arrived, part), RowStatus.SOLVED
@@ -253,6 +257,7 @@ class _Path:
         self.system, self.origin, self.goal, self.state = system, origin, goal, state
         self.way, self.stride, self.strides = np.zeros(rows), np.full(rows, 0.5), np.zeros(rows, dtype=int)
         self.open, self.todo = np.ones(rows, dtype=bool), np.arange(rows)  # rows under way, and their numbers
+        self.lost = False  # whether a row was given up
 
     def stride_on(self, length: float, options: NewtonOptions, effort: Effort) -> tuple[Index, State]:
         """One stride; returns the rows that arrive, with their state.
@@ -278,5 +283,5 @@ class _Path:
         arrived = good & (trial >= 1.0)
         abandoned = (self.stride[todo] <= 1 / 512) | (self.strides[todo] >= _STRIDES)  # others wait for it
         self.open[todo[arrived | abandoned]] = False
-        self.todo = self.open.nonzero()[0]
+        self.todo, self.lost = self.open.nonzero()[0], self.lost or bool((abandoned & ~arrived).any())
         return todo[arrived], moved.take(np.nonzero(arrived)[0])

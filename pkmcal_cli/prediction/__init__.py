@@ -10,13 +10,14 @@ from __future__ import annotations
 from pkmcal_cli.prediction.inputs import bounds_of, fixed_options, frozen
 from pkmcal_cli.prediction.observation import in_machine_frame
 from pkmcal_cli.prediction.pipeline import configuration, fixed_smoothing, predict, row_chunks
-from pkmcal_cli.prediction.rows import Method, Prediction, Request, Rows, WarmStart, joined_rows
+from pkmcal_cli.prediction.rows import Method, Prediction, Request, RowLost, Rows, WarmStart, joined_rows
 from pkmcal_cli.prediction.stages import drive_travels
 
 __all__ = [
     "Method",
     "Prediction",
     "Request",
+    "RowLost",
     "Rows",
     "WarmStart",
     "bounds_of",

@@ -24,7 +24,7 @@ from pkmcal_cli.prediction.joined import join_rows
 from pkmcal_cli.prediction.outcome import outcome
 from pkmcal_cli.prediction.reactions import joined_reactions, reactions
 from pkmcal_cli.prediction.rope_strains import joined_rope_strains
-from pkmcal_cli.prediction.rows import Method, Prediction, Request, Rows, WarmStart
+from pkmcal_cli.prediction.rows import Method, Prediction, Request, RowLost, Rows, WarmStart
 from pkmcal_cli.prediction.solving import Solution, solve
 from pkmcal_cli.prediction.stages import BaseCoefficients, Chain, commanded_coefficients
 
@@ -52,7 +52,8 @@ def predict(
 
     Works in chunks, so memory is bounded but for the results. Rows that cannot be solved get a status, never numbers.
     `receive` takes the derivatives of each chunk, which are then not kept; not with measurements that join rows.
-    Raises ValueError for derivatives of any method but `exact`: they hold at equilibrium only.
+    Raises ValueError for derivatives of any method but `exact`: they hold at equilibrium only; RowLost where the
+    request is sparing.
     """
     request = request or Request()
     if request.method != "exact" and (request.parameters is not None or request.by_drive):
@@ -65,7 +66,7 @@ def predict(
         some, part_moved, begin = rows.take(chunk), moved.take(chunk), None if start is None else start.take(chunk)
         coefficients = commanded_coefficients(model, base, some)
         part_moved.apply(coefficients)
-        solution = solve(model, coefficients, request.method, begin, request.compare)
+        solution = _solved(model, coefficients, begin, some, request)
         part = outcome(model, solution, some, request, chain, part_moved)
         if receive is not None:
             receive(chunk, part)
@@ -78,9 +79,20 @@ def predict(
     return join_rows(model, prediction, alone if rows.partner is None else rows.partner)
 
 
+def _solved(model: Model, coefficients: Array, start: WarmStart | None, rows: Rows, request: Request) -> Solution:
+    """States of some rows. Raises RowLost where one that was measured has none and the request is sparing."""
+    if not request.sparing or rows.measured is None:
+        return solve(model, coefficients, request.method, start, request.compare)
+    measured = np.isfinite(rows.measured).any(axis=1)
+    solution = solve(model, coefficients, request.method, start, request.compare, sparing=bool(measured.all()))
+    if (solution.failed & measured).any():
+        raise RowLost
+    return solution
+
+
 def configuration(model: Model, values: Array, rows: Rows, row: int, method: Method = "exact") -> Solution:
     """Solve the state of one row at parameter values (P,), SI; effects see the whole table."""
-    base, request = BaseCoefficients.of(model, values, rows), Request(method)
+    base, request = BaseCoefficients.of(model, values, rows), Request(method=method)
     moved = _moved(model, values, base, rows, request, chain=Chain.of(model, values, request, rows), start=None)
     only = slice(row, row + 1)
     coefficients = commanded_coefficients(model, base, rows.take(only))

@@ -247,7 +247,11 @@ class Prediction:
         return reason_of(int(self.status[row]))
 
 
-@dataclass(frozen=True)
+class RowLost(Exception):
+    """A row has no prediction in which something was measured."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Request:
     """What a prediction should bring besides the readings."""
 
@@ -257,6 +261,7 @@ class Request:
     forces: bool = False
     compare: bool = True  # whether poses in doubt are compared with all others; False: quick, for screening
     ropes: bool = False  # how far ropes are from going slack; only with `parameters`
+    sparing: bool = False  # whether rows are of no use if one in which something was measured has no prediction
 
     @property
     def derivatives(self) -> bool:

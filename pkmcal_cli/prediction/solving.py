@@ -65,9 +65,14 @@ class Solution:
         return np.asarray(self.status != RowStatus.SOLVED)
 
 
-def solve(model: Model, coefficients: Array, method: Method, start: WarmStart | None, compare: bool) -> Solution:
-    """Solve rows by a method; `start`: states near the solution, for `exact`; `compare`: see `Request`."""
-    effort = Effort()
+def solve(
+    model: Model, coefficients: Array, method: Method, start: WarmStart | None, compare: bool, *, sparing: bool = False
+) -> Solution:
+    """Solve rows by a method; `start`: states near the solution, for `exact`; `compare`: see `Request`.
+
+    sparing: rows of which one is lost are of no use; others may fail then, where none is compared.
+    """
+    effort = Effort(sparing=sparing and not compare)
     beyond = beyond_beams(model.exact, coefficients)
     if beyond.any():
         coefficients = coefficients.copy(order="K")

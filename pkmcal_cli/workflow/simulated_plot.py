@@ -56,7 +56,7 @@ class KeptRows:
     @property
     def _simulated(self) -> Simulated:
         full = tcp_model(self.model)
-        asked, names = Request(checked_method(self.method)), [channel.name for channel in full.channels]
+        asked, names = Request(method=checked_method(self.method)), [channel.name for channel in full.channels]
         tool = [predict(full, self.values, rows, asked, start).values for rows, start in self.solved]
         none = np.zeros((0, len(names)))
         return Simulated(

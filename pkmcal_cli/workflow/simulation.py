@@ -204,7 +204,7 @@ class Simulation:
             tally.fail(block, lost)
             return
         forces = self.request.forces or limited(self.model)
-        asked = Request(self.request.method, forces=forces)  # type: ignore[arg-type]
+        asked = Request(method=self.request.method, forces=forces)  # type: ignore[arg-type]
         prediction = predict(self.model, self.values, driven.take(reachable), asked, progress=tick)
         reasons = {int(reachable[k]): prediction.reason(int(k)) for k in np.nonzero(~prediction.solved)[0]}
         tally.fail(block, reasons | lost)
