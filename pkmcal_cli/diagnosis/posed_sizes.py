@@ -46,7 +46,8 @@ def posed_sizes(problem: Problem, values: Array, hypotheses: Sequence[Hypothesis
     rows = problem.rows.take(posed.rows[known])
     base = BaseCoefficients.of(problem.model, values, rows)
     off = commanded_coefficients(problem.model, base, rows.moved(expected[known] - rows.readings))
-    off -= commanded_coefficients(problem.model, base, rows)  # (n, S)
+    off -= commanded_coefficients(problem.model, base, rows)
+    off = off[:, _places(problem)]  # (n, A)
     out = {}
     for hypothesis in hypotheses:
         columns = _columns(problem, values, rows, hypothesis.parameters)
@@ -55,18 +56,23 @@ def posed_sizes(problem: Problem, values: Array, hypotheses: Sequence[Hypothesis
     return out
 
 
+def _places(problem: Problem) -> list[int]:
+    """Coefficients of the positions of drives."""
+    return [drive.coefficient for drive in problem.model.topology.drives]
+
+
 def _columns(problem: Problem, values: Array, rows: Rows, parameters: Sequence[str]) -> Array:
-    """What parameters (k,) do to the coefficients of rows (n, S, k)."""
+    """What parameters (k,) do to the positions of drives, by rows (n, A, k)."""
     out = np.zeros((len(rows), len(problem.model.topology.coefficients.constants), len(parameters)))
     for each in displacements(problem.model, values, rows, parameters, None).parts:
         if not each.site.scales:
             moved = np.einsum("sw,nwk->nsk", each.site.matrix, each.by_parameter)
             out[:, each.site.coefficients[:, None], each.columns] += moved
-    return out
+    return out[:, _places(problem)]
 
 
 def _size(columns: Array, off: Array) -> PosedSize:
-    """By columns (n, S, k) of what is off (n, S); rows that are odd do not count."""
+    """By columns (n, A, k) of what is off (n, A); rows that are odd do not count."""
     on = np.ones(len(off), dtype=bool)
     for _ in range(2):
         size = np.linalg.lstsq(columns[on].reshape(-1, columns.shape[2]), off[on].ravel(), rcond=1e-9)[0]
