@@ -226,8 +226,8 @@ INFERENCE = (
     ),
     Mutant(
         "diagnosis/run_diagnosis.py",
-        "if alone.shapes and search.accepted:",
-        "if False:",
+        "if alone.shapes and search.accepted else",
+        "if False else",
         "tests/test_search.py::test_a_displacement_without_a_name_that_leaves_effects_does_not_stand_for_all",
     ),
     Mutant(
