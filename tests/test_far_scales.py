@@ -51,6 +51,16 @@ def test_the_scale_of_a_drive_is_told_by_measured_poses(factor: float, wrong: tu
     assert "meas_scale@tracker" not in found, "which displaces no drive"
 
 
+def test_what_was_found_before_counts(tmp_path: Path) -> None:
+    """Beside a scale that is known nothing is left for it, and little for those of all."""
+    made = case("triglide", scaled(tmp_path, "triglide", "q2", 1.02, every=8))
+    begin = made.candidates.begin()
+    begin[made.problem.model.names.index("scale@q2.s")] = 1 / 1.02 - 1
+    candidates = [h for h in made.candidates.hypotheses if h.name in ("scale@q2", "scale@all")]
+    left = posed_sizes(made.problem, begin, candidates)
+    assert [abs(size.numbers[0]) < 1e-3 for size in left.values()] == [True, True]
+
+
 def test_nothing_is_told_where_hardly_any_pose_is_known(tmp_path: Path) -> None:
     made = case("triglide", scaled(tmp_path, "triglide", "q2", 1.02, every=8))
     few = made.problem.without(range(3, len(made.problem)))

@@ -177,12 +177,16 @@ def _screened(
 def _fit(
     search: Search, hypothesis: Hypothesis, start: Array, steps: int, patience: Patience, budget: Budget | None = None
 ) -> Fit | None:
-    """A fit with a hypothesis of any size from values (P,), SI; None where it fails. Raises OutOfTime."""
+    """A fit with a hypothesis of any size from values (P,), SI; None where it fails or is given up.
+
+    Raises OutOfTime.
+    """
     check = None if budget is None else budget.check
     problem, chosen = of_any_size(search.problem, hypothesis), {*search.selected, *hypothesis.unknown}
     try:
         selected = tuple(n for n in problem.model.names if n in chosen)
-        return identify(problem, selected, start, steps, check, patience=patience)
+        fit = identify(problem, selected, start, steps, check, patience=patience)
+        return None if fit.abandoned else fit
     except (RowsFailed, np.linalg.LinAlgError):
         return None
 

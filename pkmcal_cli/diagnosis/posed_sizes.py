@@ -45,9 +45,10 @@ def posed_sizes(problem: Problem, values: Array, hypotheses: Sequence[Hypothesis
         return {}
     rows = problem.rows.take(posed.rows[known])
     base = BaseCoefficients.of(problem.model, values, rows)
-    off = commanded_coefficients(problem.model, base, rows.moved(expected[known] - rows.readings))
-    off -= commanded_coefficients(problem.model, base, rows)
-    off = off[:, _places(problem)]  # (n, A)
+    should = commanded_coefficients(problem.model, base, rows.moved(expected[known] - rows.readings))
+    stands = commanded_coefficients(problem.model, base, rows)
+    displacements(problem.model, values, rows, (), None).apply(stands)  # by what was found before
+    off = (should - stands)[:, _places(problem)]  # (n, A)
     out = {}
     for hypothesis in hypotheses:
         columns = _columns(problem, values, rows, hypothesis.parameters)
@@ -78,4 +79,4 @@ def _size(columns: Array, off: Array) -> PosedSize:
         size = np.linalg.lstsq(columns[on].reshape(-1, columns.shape[2]), off[on].ravel(), rcond=1e-9)[0]
         left = np.square(off - columns @ size).sum(axis=1)  # (n,)
         on = left <= _ODD**2 * np.median(left)
-    return PosedSize(size, float(left[on].sum() / np.square(off[on]).sum()))
+    return PosedSize(size, float(left[on].sum() / max(np.square(off[on]).sum(), np.finfo(float).tiny)))
