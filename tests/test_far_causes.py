@@ -129,6 +129,15 @@ def test_what_there_was_no_time_for_is_told(search: Search, monkeypatch: pytest.
     assert not hurried.accepted and set(hurried.untried) == {h.name for h in search.open if h.effect == "zero"}
 
 
+def test_time_is_counted_once_held_parameters_were_tried(search: Search, monkeypatch: pytest.MonkeyPatch) -> None:
+    """These alone took longer than all the time there is, and nothing else was tried."""
+    events: list[str] = []
+    monkeypatch.setattr(far_causes, "_held_explain", lambda _: bool(events.append("held")))
+    monkeypatch.setattr(far_causes, "Budget", lambda: events.append("time") or Budget())
+    monkeypatch.setattr(far_causes, "_best", lambda *_: events.append("causes") or (None, ()))
+    assert with_far_causes(search) is not None and events == ["held", "time", "causes"]
+
+
 def test_a_parameter_that_runs_off_is_named(search: Search) -> None:
     """How many ranges the anchors are off, the furthest first; not those that came out near nominal."""
     model, (one, *_, other) = search.problem.model, search.declared

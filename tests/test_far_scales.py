@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from pkmcal_cli.diagnosis import far_causes, first_fit, gross_rows, run_diagnosis
 from pkmcal_cli.diagnosis.posed_sizes import PosedSize, posed_sizes
+from pkmcal_cli.diagnosis.scoring import Scored, Search
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.workflow.search_case import Case, CaseRequest, prepare
 from tests.command import MACHINES, clean, run
@@ -69,7 +71,24 @@ def test_nothing_is_told_where_hardly_any_pose_is_known(tmp_path: Path) -> None:
     assert posed_sizes(few, made.candidates.begin(), candidates) == {}
 
 
-def test_a_scale_of_percents_of_a_redundant_machine_is_named(tmp_path: Path) -> None:
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[str]]:
+    """What a search asks for, by function: names of hypotheses that are fitted, or had been accepted."""
+    out: dict[str, list[str]] = {"fit": [], "all in one": [], "gross": [], "starts": []}
+    fit, alone, gross = far_causes._fit, run_diagnosis.with_all_in_one, gross_rows._gross_rows
+
+    def all_in_one(search: Search, first: Scored) -> Search:
+        out["all in one"] += ["+".join(h.name for h in search.accepted)]
+        return alone(search, first)
+
+    monkeypatch.setattr(far_causes, "_fit", lambda s, h, *a: out["fit"].append(h.name) or fit(s, h, *a))
+    monkeypatch.setattr(run_diagnosis, "with_all_in_one", all_in_one)
+    monkeypatch.setattr(gross_rows, "_gross_rows", lambda *a, **k: out["gross"].append("") or gross(*a, **k))
+    monkeypatch.setattr(first_fit, "best_of_starts", lambda *a, **k: out["starts"].append("") or (None, None))
+    return out
+
+
+def test_a_scale_of_percents_of_a_redundant_machine_is_named(tmp_path: Path, asked: dict[str, list[str]]) -> None:
     """15 rows, 2 %: its drives disagree by 20 mm, and no calibration converges; something else was named, at length."""
     table = scaled(tmp_path, "triglide", "q2", 1.02, every=16)
     done = clean(run("diagnose", MACHINES / "triglide.yaml", table, "--json"))
@@ -77,6 +96,9 @@ def test_a_scale_of_percents_of_a_redundant_machine_is_named(tmp_path: Path) -> 
     (size,) = found["parameters"]
     assert (done.code, done.json["verdict"], found["effect"], found["at"]) == (1, "found", "scale", "q2")
     assert abs(size["value"] - 1e6 * (1 / 1.02 - 1)) < 4 * size["std"] < 100 and size["unit"] == "um/m"
+    assert asked["all in one"] == ["scale@q2"], "a shape is tried beside it only"
+    assert set(asked["fit"]) <= {"scale@q2", "scale@each", "meas_scale@tracker"}, "others leave more of the drives"
+    assert len(asked["gross"]) == 1 and not asked["starts"]
 
 
 @pytest.mark.slow
