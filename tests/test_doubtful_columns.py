@@ -73,6 +73,31 @@ def test_temperatures_of_a_workshop(header: str, cells: str, tmp_path: Path) -> 
     assert found(tmp_path, f"{HEAD.rpartition(',')[0]},{header}", f"{ROW},{cells}").warnings == ()
 
 
+def test_a_logger_that_failed_reads_zero(tmp_path: Path) -> None:
+    """Two of four rows; one column of a part that is right; in a cold hall 0 degC is a temperature like others."""
+    head = HEAD.rpartition(",")[0]
+    rows = [f"{ROW},{air},{part}" for air, part in ((21.5, 22), (0, 23), (0.0, 23), (22, 24))]
+    (doubt,) = found(tmp_path, f"{head},T [degC],T.platform [degC]", *rows).warnings
+    assert (doubt.code, doubt.severity) == ("csv-value", "warning") and doubt.hint is not None and "empty" in doubt.hint
+    assert "`T` is exactly 0 degC in 2 rows, and 21.5 degC or more in the others" in doubt.what
+    for cells in (("4.9", "0"), ("0", "0"), ("0.1", "22")):
+        assert not found(tmp_path, f"{head},T [degC]", *(f"{ROW},{cell}" for cell in cells)).warnings
+
+
+@pytest.mark.parametrize(
+    ("header", "cell", "said"),
+    [
+        ("payload [kg]", "5000", "read in kg, up to 5000"), ("payload", "1000", "read in kg, up to 1000"),
+        ("payload [kg]", "-2.5", "below zero: -2.5 kg"), ("payload [g]", "-500", "below zero: -0.5 kg"),
+        ("payload [kg]", "999", ""), ("payload [g]", "5000000", ""), ("payload [kg]", "0", ""), ("payload", "", ""),
+    ],
+)  # fmt: skip
+def test_payloads_in_grams_or_with_a_sign(header: str, cell: str, said: str, tmp_path: Path) -> None:
+    told = found(tmp_path, f"{HEAD.rpartition(',')[0]},{header}", f"{ROW},0", f"{ROW},{cell}").warnings
+    assert [(t.code, t.severity) for t in told] == [("csv-value", "warning")] * bool(said)
+    assert all(said in t.what and "`payload`" in t.what for t in told)
+
+
 @pytest.mark.parametrize("unit", ["degF", "\u00b0F"])
 def test_degrees_fahrenheit_are_to_be_converted(unit: str, tmp_path: Path) -> None:
     with pytest.raises(BadInput) as caught:

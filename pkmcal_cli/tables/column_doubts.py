@@ -20,23 +20,33 @@ from pkmcal_cli.units.unit_text import UNITS
 _ZERO = 273.15  # K, 0 degC
 _WORKSHOP = (-20.0, 150.0)  # degC, a cold hall to hot parts
 _COLD = 60.0  # K: nothing is calibrated colder
+_FROST = 5.0  # degC: among rows warmer than that, those at exactly zero are most likely no readings
+_HEAVY = 1000.0  # kg: a payload of so many is more often one in g
 _AIR, _FAHRENHEIT = "T", (50.0, 110.0)  # of no part; degF, 10 to 43 degC: air as warm as so many degC is in no workshop
 
 
 @dataclass
 class ColumnDoubts:
-    """The times and temperatures of a file so far."""
+    """The times, temperatures and payloads of a file so far."""
 
     times: Times = field(default_factory=Times)
     temperatures: dict[str, tuple[float, float]] = field(default_factory=dict)  # K, smallest and largest
+    zeros: dict[str, int] = field(default_factory=dict)  # how many are exactly 0 degC, which take no part in these
+    payloads: tuple[float, float] = (np.inf, -np.inf)  # kg, smallest and largest
 
     def add(self, covariates: Mapping[str, FloatArray], binding: Binding) -> None:
         """Take those of some rows, SI."""
         self.times.add(covariates.get("time"))
         for bound in binding.of("covariate"):
             name = bound.column.name
-            values = covariates[name] if bound.unit.dimension == TEMPERATURE else np.zeros(0)
-            known = values[np.isfinite(values)]
+            values = covariates[name][np.isfinite(covariates[name])]
+            if name == "payload":
+                low, high = self.payloads
+                self.payloads = min(low, values.min(initial=np.inf)), max(high, values.max(initial=-np.inf))
+            if bound.unit.dimension != TEMPERATURE:
+                continue
+            known = values[values != _ZERO]
+            self.zeros[name] = self.zeros.get(name, 0) + len(values) - len(known)
             if len(known):
                 low, high = self.temperatures.get(name, (np.inf, -np.inf))
                 self.temperatures[name] = min(low, float(known.min())), max(high, float(known.max()))
@@ -60,11 +70,35 @@ class ColumnDoubts:
         for name in self.temperatures:
             temperature = binding.named(name)
             self._add(log, self._temperature(temperature, line) if temperature else None, reader)
+            self._add(log, self._zeros(temperature, line) if temperature else None, reader)
+        payload = binding.named("payload")
+        self._add(log, self._payload(payload, line) if payload else None, reader)
         return tuple(replace(fault, severity="warning") for fault in log.faults)
 
     def _add(self, log: FaultLog, flaw: Flaw | None, reader: TableReader) -> None:
         if flaw is not None:
             log.add(flaw, reader.header_source())
+
+    def _zeros(self, bound: Bound, line: int) -> Flaw | None:
+        """Of a column that reads 0 where a logger failed."""
+        (low, _), name = self.temperatures[bound.column.name], bound.column.header
+        rows = self.zeros[bound.column.name]
+        if not rows or low - _ZERO < _FROST:
+            return None
+        message = f"column `{name}` is exactly 0 degC in {rows} row{'s' * (rows > 1)}, and {low - _ZERO:g} degC or more"
+        hint = "leave cells empty that were not read"
+        return Flaw("csv-value", f"{message} in the others", hint, line, bound.index)
+
+    def _payload(self, bound: Bound, line: int) -> Flaw | None:
+        """Of a column with masses that nothing has, or that are more likely grams."""
+        (low, high), name = self.payloads, bound.column.header
+        if low < 0:
+            message, hint = f"column `{name}` is below zero: {low:g} kg", "write masses as positive numbers"
+        elif high >= _HEAVY and bound.unit.text == "kg":
+            message, hint = f"column `{name}` is read in kg, up to {high:g}", f"if these are grams write `{name} [g]`"
+        else:
+            return None
+        return Flaw("csv-value", message, hint, line, bound.index)
 
     def _temperature(self, bound: Bound, line: int) -> Flaw | None:
         """Of a column whose numbers are those of a workshop in the other unit."""
