@@ -99,3 +99,15 @@ def test_an_overlay_may_leave_a_mark_to_which_nothing_refers(tmp_path: Path) -> 
     assert checked.code == 0 and "warning[unused-name]: ground point `mark` is not used" in checked.err
     done = run("simulate", overlay, "--grid", "x=140:160:3,y=95:105:3")
     assert done.code == 0 and "not used" not in done.err
+
+
+def test_a_parameter_file_is_no_machine(tmp_path: Path) -> None:
+    """One fault, not one for each of its keys; in a file with `space` that key alone is unknown."""
+    file = tmp_path / "p.yaml"
+    file.write_text("fingerprint: {of: m.yaml}\nstatus: converged\nparameters:\n  l1: {value: 300 mm, std: 1 um}\n")
+    done = run("check", file)
+    assert done.code == 3 and done.err.count("error[") == 1
+    assert ":1:1: error[missing-key]: this is a parameter file, no machine" in done.err
+    assert "name the machine file first, and this one by `-p`" in done.err
+    file.write_text("fingerprint: {of: m.yaml}\nspace: planar\n")
+    assert "no machine" not in run("check", file).err

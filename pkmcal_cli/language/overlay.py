@@ -55,6 +55,7 @@ class _Chain:
         self.files.append((read.file, read.sha256))
         for fault in read.faults:
             self.faults.add(fault)
+        _refuse_parameters(read)
         over = Expansion(read.lines, self.faults).run(read.root)
         extends = over.child(KEY)
         if extends is None:
@@ -116,6 +117,16 @@ class _Chain:
         hint = cut_by_comma(over, key) or hint
         line = self.lines[where.file][where.line - 1]
         self.faults.add(Fault("extends", message, where, hint, line))
+
+
+def _refuse_parameters(read: Source) -> None:
+    """Raises `BadInput` for a parameter file: each of its keys would be one that a machine does not have."""
+    mark = read.root.child("fingerprint")
+    if mark is None or read.root.child("space") is not None or read.root.child(KEY) is not None:
+        return
+    where = mark.key or mark.where
+    message, remedy = "this is a parameter file, no machine", "name the machine file first, and this one by `-p`"
+    raise BadInput.single(message, where, remedy, "missing-key", read.lines[where.line - 1])
 
 
 def _promoted(base: SourceNode, over: SourceNode, key: str) -> tuple[SourceNode, SourceNode]:
