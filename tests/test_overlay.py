@@ -106,7 +106,7 @@ def test_a_parameter_file_is_no_machine(tmp_path: Path) -> None:
     file = tmp_path / "p.yaml"
     file.write_text("fingerprint: {of: m.yaml}\nstatus: converged\nparameters:\n  l1: {value: 300 mm, std: 1 um}\n")
     done = run("check", file)
-    assert done.code == 3 and done.err.count("error[") == 1
+    assert done.code == 1 and done.err.count("error[") == 1
     assert ":1:1: error[missing-key]: this is a parameter file, no machine" in done.err
     assert "name the machine file first, and this one by `-p`" in done.err
     file.write_text("fingerprint: {of: m.yaml}\nspace: planar\n")
