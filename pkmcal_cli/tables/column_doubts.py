@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pkmcal_cli.base.errors import Fault
+from pkmcal_cli.base.plural import count
 from pkmcal_cli.csv_files.cell_values import FaultLog, FloatArray
 from pkmcal_cli.csv_files.dialect import Flaw
 from pkmcal_cli.csv_files.reader import TableReader
@@ -85,9 +86,9 @@ class ColumnDoubts:
         rows = self.zeros[bound.column.name]
         if not rows or low - _ZERO < _FROST:
             return None
-        message = f"column `{name}` is exactly 0 degC in {rows} row{'s' * (rows > 1)}, and {low - _ZERO:g} degC or more"
-        hint = "leave cells empty that were not read"
-        return Flaw("csv-value", f"{message} in the others", hint, line, bound.index)
+        low -= _ZERO
+        message = f"column `{name}` is exactly 0 degC in {count(rows, 'row')}, and {low:g} degC or more in the others"
+        return Flaw("csv-value", message, "leave cells empty where nothing was read", line, bound.index)
 
     def _payload(self, bound: Bound, line: int) -> Flaw | None:
         """Of a column with masses that nothing has, or that are more likely grams."""
@@ -95,7 +96,7 @@ class ColumnDoubts:
         if low < 0:
             message, hint = f"column `{name}` is below zero: {low:g} kg", "write masses as positive numbers"
         elif high >= _HEAVY and bound.unit.text == "kg":
-            message, hint = f"column `{name}` is read in kg, up to {high:g}", f"if these are grams write `{name} [g]`"
+            message, hint = f"column `{name}` is read in kg, up to {high:g}", f"if these are grams, write `{bound.column.name} [g]`"
         else:
             return None
         return Flaw("csv-value", message, hint, line, bound.index)
