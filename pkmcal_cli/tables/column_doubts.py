@@ -96,7 +96,7 @@ class ColumnDoubts:
         if low < 0:
             message, hint = f"column `{name}` is below zero: {low:g} kg", "write masses as positive numbers"
         elif high >= _HEAVY and bound.unit.text == "kg":
-            message, hint = f"column `{name}` is read in kg, up to {high:g}", f"if these are grams, write `{bound.column.name} [g]`"
+            message, hint = f"column `{name}` is read in kg, up to {high:g}", "if these are grams, write `payload [g]`"
         else:
             return None
         return Flaw("csv-value", message, hint, line, bound.index)
