@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.calibration.fit import Fit
-from pkmcal_cli.diagnosis import far_causes
+from pkmcal_cli.calibration.patience import EXACT
+from pkmcal_cli.diagnosis import far_causes, far_starts
 from pkmcal_cli.diagnosis.first_fit import calibrated
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.near_causes import with_near_cause
@@ -39,8 +40,8 @@ def search(tmp_path_factory: pytest.TempPathFactory) -> Search:
 def free(search: Search) -> tuple[Search, Fit]:
     """The search from nominal values, and the fit with the constant of any size, as far causes are fitted."""
     begun, constant = far_causes._from_nominal(search), named(search, "meas_zero@ballbar")
-    ((start,),) = (s.values for s in far_causes._starts(begun, [constant], False))
-    fit = far_causes._fit(begun, constant, start, 30)
+    ((start,),) = (s.values for s in far_starts.far_starts(begun, [constant], False))
+    fit = far_causes._fit(begun, constant, start, 30, EXACT)
     assert fit is not None
     return begun, fit
 
